@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# How every room, test and program of holba is built: one place for flags and conventions.
+
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  set(CMAKE_BUILD_TYPE Release CACHE STRING "Build type." FORCE)
+endif()
+
+find_program(HOLBA_CCACHE ccache)
+if(HOLBA_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${HOLBA_CCACHE})
+endif()
+find_program(HOLBA_MOLD mold)
+if(HOLBA_MOLD AND CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
+  add_link_options(-fuse-ld=mold)
+endif()
+
+set(CMAKE_CXX_FLAGS_RELEASE "-O2 -DNDEBUG")
+
+# No -march=native: Debian's Ceres is a baseline build and must not exchange wider Eigen objects with us.
+add_compile_options(-Wall -Wextra -Wno-unused-parameter -Wno-missing-field-initializers -fno-math-errno)
+if(HOLBA_SANITIZE)
+  add_compile_options(-fsanitize=address,undefined -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=address,undefined)
+endif()
+
+# holba_room(NAME [DEPENDS rooms...] [PUBLIC libs...] [PRIVATE libs...])
+# The library holba_NAME of this folder's *.cc; each *_test.cc becomes a ctest named NAME/<file>.
+function(holba_room name)
+  cmake_parse_arguments(ARG "" "" "DEPENDS;PUBLIC;PRIVATE" ${ARGN})
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cc)
+  set(tests ${sources})
+  list(FILTER sources EXCLUDE REGEX "_(test|fuzz)\\.cc$")
+  list(FILTER tests INCLUDE REGEX "_test\\.cc$")
+  list(TRANSFORM ARG_DEPENDS PREPEND holba_)
+  if(sources)
+    add_library(holba_${name} STATIC ${sources})
+    set(scope PUBLIC)
+  else()
+    add_library(holba_${name} INTERFACE)
+    set(scope INTERFACE)
+  endif()
+  add_library(holba::${name} ALIAS holba_${name})
+  set_target_properties(holba_${name} PROPERTIES EXPORT_NAME ${name})
+  target_compile_features(holba_${name} ${scope} cxx_std_20)
+  target_include_directories(holba_${name} ${scope}
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_link_libraries(holba_${name} ${scope} ${ARG_DEPENDS} ${ARG_PUBLIC})
+  if(ARG_PRIVATE AND sources)
+    target_link_libraries(holba_${name} PRIVATE ${ARG_PRIVATE})
+  endif()
+  set_property(GLOBAL APPEND PROPERTY HOLBA_ROOMS ${name})
+  if(HOLBA_BUILD_TESTS)
+    foreach(test ${tests})
+      get_filename_component(stem ${test} NAME_WE)
+      holba_test(${name}/${stem} SOURCES ${test} LINK holba_${name})
+    endforeach()
+  endif()
+endfunction()
+
+# holba_test(room/name SOURCES files... LINK targets...): a GoogleTest program known to ctest.
+function(holba_test name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK;ARGS" ${ARGN})
+  string(REPLACE "/" "_" target ${name})
+  add_executable(${target} ${ARG_SOURCES})
+  target_link_libraries(${target} PRIVATE ${ARG_LINK} GTest::gmock GTest::gtest GTest::gtest_main)
+  set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+  add_test(NAME ${name} COMMAND ${target} ${ARG_ARGS})
+  set_tests_properties(${name} PROPERTIES TIMEOUT 600)
+endfunction()
+
+# Installs every room, its headers and a package config: find_package(holba), link holba::holba.
+function(holba_install_package)
+  get_property(rooms GLOBAL PROPERTY HOLBA_ROOMS)
+  set(targets ${rooms})
+  list(TRANSFORM targets PREPEND holba_)
+  add_library(holba_holba INTERFACE)
+  set_target_properties(holba_holba PROPERTIES EXPORT_NAME holba)
+  target_link_libraries(holba_holba INTERFACE ${targets})
+  add_library(holba::holba ALIAS holba_holba)
+  install(TARGETS holba_holba ${targets} EXPORT holbaTargets
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/holba DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
+          FILES_MATCHING PATTERN "*.h")
+  install(EXPORT holbaTargets NAMESPACE holba:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba)
+  configure_package_config_file(
+    ${PROJECT_SOURCE_DIR}/cmake/holbaConfig.cmake.in ${CMAKE_BINARY_DIR}/holbaConfig.cmake
+    INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba)
+  write_basic_package_version_file(${CMAKE_BINARY_DIR}/holbaConfigVersion.cmake
+                                   COMPATIBILITY SameMinorVersion)
+  install(FILES ${CMAKE_BINARY_DIR}/holbaConfig.cmake ${CMAKE_BINARY_DIR}/holbaConfigVersion.cmake
+          DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba)
+endfunction()
