@@ -28,15 +28,26 @@ if(HOLBA_SANITIZE)
   add_compile_options(-fsanitize=address,undefined -fno-omit-frame-pointer)
   add_link_options(-fsanitize=address,undefined)
 endif()
+if(HOLBA_BUILD_FUZZERS)
+  if(NOT CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+    message(FATAL_ERROR "HOLBA_BUILD_FUZZERS needs clang: cmake --preset fuzz")
+  endif()
+  # Coverage in the libraries too; only the fuzzers themselves get libFuzzer's main.
+  add_compile_options(-fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all)
+  add_link_options(-fsanitize=address,undefined)
+endif()
 
 # holba_room(NAME [DEPENDS rooms...] [PUBLIC libs...] [PRIVATE libs...])
-# The library holba_NAME of this folder's *.cc; each *_test.cc becomes a ctest named NAME/<file>.
+# The library holba_NAME of this folder's *.cc; each *_test.cc becomes a ctest named NAME/<file>, each
+# *_fuzz.cc a libFuzzer program fuzz/NAME_<file>.
 function(holba_room name)
   cmake_parse_arguments(ARG "" "" "DEPENDS;PUBLIC;PRIVATE" ${ARGN})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cc)
   set(tests ${sources})
+  set(fuzzers ${sources})
   list(FILTER sources EXCLUDE REGEX "_(test|fuzz)\\.cc$")
   list(FILTER tests INCLUDE REGEX "_test\\.cc$")
+  list(FILTER fuzzers INCLUDE REGEX "_fuzz\\.cc$")
   list(TRANSFORM ARG_DEPENDS PREPEND holba_)
   if(sources)
     add_library(holba_${name} STATIC ${sources})
@@ -59,6 +70,16 @@ function(holba_room name)
     foreach(test ${tests})
       get_filename_component(stem ${test} NAME_WE)
       holba_test(${name}/${stem} SOURCES ${test} LINK holba_${name})
+    endforeach()
+  endif()
+  if(HOLBA_BUILD_FUZZERS)
+    foreach(fuzzer ${fuzzers})
+      get_filename_component(stem ${fuzzer} NAME_WE)
+      add_executable(${name}_${stem} ${fuzzer})
+      target_link_libraries(${name}_${stem} PRIVATE holba_${name})
+      target_link_options(${name}_${stem} PRIVATE -fsanitize=fuzzer)
+      set_target_properties(${name}_${stem} PROPERTIES
+                            RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/fuzz)
     endforeach()
   endif()
 endfunction()
@@ -86,7 +107,7 @@ function(holba_install_package)
   install(TARGETS holba_holba ${targets} EXPORT holbaTargets
           ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/holba DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-          FILES_MATCHING PATTERN "*.h")
+          FILES_MATCHING PATTERN "*.h" PATTERN fuzz EXCLUDE)
   install(EXPORT holbaTargets NAMESPACE holba:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba)
   configure_package_config_file(
     ${PROJECT_SOURCE_DIR}/cmake/holbaConfig.cmake.in ${CMAKE_BINARY_DIR}/holbaConfig.cmake

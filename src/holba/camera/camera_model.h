@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The contract of a camera model and the list of them (ids, names and parameter orders are COLMAP's).
+// The contract of a camera model and the list of them (ids, names and parameter orders are
+// COLMAP's).
 //
 // A model is one header with a struct:
 //   static constexpr int kModelId;                     // COLMAP's
@@ -13,10 +14,15 @@
 //   // The same with derivatives, written by hand: d_point 2x3, d_params 2 x kNumParams, row-major.
 //   static bool ProjectWithJacobian(const double* params, const Eigen::Vector3d& point_in_cam,
 //                                   Eigen::Vector2d* pixel, double* d_point, double* d_params);
+//   // Null d_point or d_params: not wanted.
 //   // Unit ray in the camera frame of a pixel. Empty: no ray of that pixel exists or is found.
-//   static std::optional<Eigen::Vector3d> Unproject(const double* params, const Eigen::Vector2d& pixel);
-// and one line in the list of camera_models.h. A model is perspective-like if straight lines stay straight in
-// its ideal pixels (K applied to (x/z, y/z)); every model offers that K from its parameters.
+//   static std::optional<Eigen::Vector3d> Unproject(const double* params,
+//                                                   const Eigen::Vector2d& pixel);
+//   static constexpr bool kIsPinhole;                  // pixels are ideal pixels
+//   static IdealCalibration Calibration(const double* params);
+// and one line in the list of camera_models.h. A model is perspective-like if straight lines stay
+// straight in its ideal pixels (K applied to (x/z, y/z)); every model offers that K from its
+// parameters.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,7 +36,8 @@ namespace holba {
 
 inline constexpr int kMaxCameraParams = 16;
 
-// Ideal pixels of a camera: (fx x/z + cx, fy y/z + cy). idx_*: which parameter, -1: not a parameter.
+// Ideal pixels of a camera: (fx x/z + cx, fy y/z + cy). idx_*: which parameter, -1: not a
+// parameter.
 struct IdealCalibration {
   double fx, fy, cx, cy;
   int fx_idx, fy_idx, cx_idx, cy_idx;
@@ -47,7 +54,8 @@ struct CameraModel {
   std::span<const int> extra_idxs;
   // True for SIMPLE_PINHOLE and PINHOLE: pixels are ideal pixels.
   bool is_pinhole;
-  bool (*project)(const double* params, const Eigen::Vector3d& point_in_cam, Eigen::Vector2d* pixel);
+  bool (*project)(const double* params, const Eigen::Vector3d& point_in_cam,
+                  Eigen::Vector2d* pixel);
   bool (*project_with_jacobian)(const double* params, const Eigen::Vector3d& point_in_cam,
                                 Eigen::Vector2d* pixel, double* d_point, double* d_params);
   std::optional<Eigen::Vector3d> (*unproject)(const double* params, const Eigen::Vector2d& pixel);
@@ -62,9 +70,11 @@ std::span<const CameraModel* const> AllCameraModels();
 // A pixel in ideal pixels. Empty: no ray, or a ray at 90 degrees or more from the axis.
 std::optional<Eigen::Vector2d> IdealPixel(const CameraModel& model, const double* params,
                                           const Eigen::Vector2d& pixel);
-// The same with d(ideal pixel)/d(params), 2 x num_params row-major (by the implicit function theorem:
-// the pixel is fixed, the ray moves with the parameters).
-std::optional<Eigen::Vector2d> IdealPixelWithJacobian(const CameraModel& model, const double* params,
-                                                      const Eigen::Vector2d& pixel, double* d_params);
+// The same with d(ideal pixel)/d(params), 2 x num_params row-major (by the implicit function
+// theorem: the pixel is fixed, the ray moves with the parameters).
+std::optional<Eigen::Vector2d> IdealPixelWithJacobian(const CameraModel& model,
+                                                      const double* params,
+                                                      const Eigen::Vector2d& pixel,
+                                                      double* d_params);
 
 }  // namespace holba

@@ -6,31 +6,40 @@
 //   static constexpr int kTypeCode;                 // as in binary files
 //   static constexpr std::string_view kFileParams;  // plain values of the file: "cx cy cz r"
 //   static constexpr int kNumFileParams;
-//   using Manifold = ...;                           // of the parameters in memory, geometry/manifold.h
-//   using Params = Eigen::Matrix<double, Manifold::kAmbient, 1>;   // positive quantities as logarithms
-//   static std::optional<Params> FromFile(const double* plain);    // empty: not a valid group
-//   static void ToFile(const double* g, double* plain);
-//   static std::string_view Requirement();          // "unit n, n.x + w = 0", for error messages
-// At least one of these two; a type takes the features that it can project (or, for the vanishing point, align):
+//   using Manifold = ...;                           // of the parameters in memory,
+//   geometry/manifold.h using Params = Eigen::Matrix<double, Manifold::kAmbient, 1>;   // positive
+//   quantities as logarithms static std::optional<Params> FromFile(const double* plain);    //
+//   empty: not a valid group static void ToFile(const double* g, double* plain); static
+//   std::string_view Requirement();          // "unit n, n.x + w = 0", for error messages
+// At least one of these two; a type takes the features that it can project (or, for the vanishing
+// point, align):
 //   template <typename T>  // point of the surface for X; empty where it is undefined
 //   static std::optional<Vector3<T>> ProjectPoint(const T* g, const Vector3<T>& X);
 //   template <typename T>  // (d, m) of the projected line, any scale; empty where undefined
-//   static std::optional<std::pair<Vector3<T>, Vector3<T>>> ProjectLine(const T* g, const Vector3<T>& d, const Vector3<T>& m);
-// with derivatives written by hand, row-major, d_group with respect to the kAmbient parameters in memory:
-//   static std::optional<Eigen::Vector3d> ProjectPointWithJacobian(const double* g, const Eigen::Vector3d& X,
-//                                                                  double* d_point /*3x3*/, double* d_group /*3xA*/);
-//   static std::optional<Vector6d> ProjectLineWithJacobian(const double* g, const Eigen::Vector3d& d, const Eigen::Vector3d& m,
-//                                                          double* d_line /*6x6*/, double* d_group /*6xA*/);
-// Optional: Direction (makes it eligible for relations; members lines of a type with Direction but no ProjectLine are
-// parallel to it, residual d x v):
+//   static std::optional<std::pair<Vector3<T>, Vector3<T>>> ProjectLine(const T* g, const
+//   Vector3<T>& d, const Vector3<T>& m);
+// with derivatives written by hand, row-major, d_group with respect to the kAmbient parameters in
+// memory:
+//   static std::optional<Eigen::Vector3d> ProjectPointWithJacobian(const double* g, const
+//   Eigen::Vector3d& X,
+//                                                                  double* d_point /*3x3*/, double*
+//                                                                  d_group /*3xA*/);
+//   static std::optional<Vector6d> ProjectLineWithJacobian(const double* g, const Eigen::Vector3d&
+//   d, const Eigen::Vector3d& m,
+//                                                          double* d_line /*6x6*/, double* d_group
+//                                                          /*6xA*/);
+// Optional: Direction (makes it eligible for relations; members lines of a type with Direction but
+// no ProjectLine are parallel to it, residual d x v):
 //   template <typename T> static Vector3<T> Direction(const T* g);    // unit
 // Always:
-//   static std::optional<Params> FitMinimal(std::span<const Eigen::Vector3d> points, std::span<const PlueckerLine> lines);
-//   static constexpr int kMinPoints, kMinLines;     // sizes of a minimal sample of either kind, 0: not from this kind
-//   static Params Transform(const Sim3d& new_from_old, const double* g);
-//   static std::vector<Params> Examples();          // for the contract tests
-//   // Triangles of its extent near the member points, for viewers (vertices, 3 indices per triangle).
-//   static GroupMesh Mesh(const double* g, std::span<const Eigen::Vector3d> member_points);
+//   static std::optional<Params> FitMinimal(std::span<const Eigen::Vector3d> points,
+//   std::span<const PlueckerLine> lines); static constexpr int kMinPoints, kMinLines;     // sizes
+//   of a minimal sample of either kind, 0: not from this kind static Params Transform(const Sim3d&
+//   new_from_old, const double* g); static std::vector<Params> Examples();          // for the
+//   contract tests
+//   // Triangles of its extent near the member points, for viewers (vertices, 3 indices per
+//   triangle). static GroupMesh Mesh(const double* g, std::span<const Eigen::Vector3d>
+//   member_points);
 // Capabilities are detected by the function being there, never by flags.
 #pragma once
 
@@ -69,14 +78,15 @@ struct GroupType {
   bool (*from_file)(const double* plain, double* g);
   void (*to_file)(const double* g, double* plain);
   bool (*project_point)(const double* g, const Eigen::Vector3d& X, Eigen::Vector3d* projected);
-  bool (*project_point_with_jacobian)(const double* g, const Eigen::Vector3d& X, Eigen::Vector3d* projected,
-                                      double* d_point, double* d_group);
+  bool (*project_point_with_jacobian)(const double* g, const Eigen::Vector3d& X,
+                                      Eigen::Vector3d* projected, double* d_point, double* d_group);
   bool (*project_line)(const double* g, const Vector6d& line, Vector6d* projected);
-  bool (*project_line_with_jacobian)(const double* g, const Vector6d& line, Vector6d* projected, double* d_line,
-                                     double* d_group);
+  bool (*project_line_with_jacobian)(const double* g, const Vector6d& line, Vector6d* projected,
+                                     double* d_line, double* d_group);
   // Unit direction and its derivative, 3 x ambient row-major (null: not wanted).
   void (*direction)(const double* g, Eigen::Vector3d* direction, double* d_group);
-  bool (*fit_minimal)(std::span<const Eigen::Vector3d> points, std::span<const PlueckerLine> lines, double* g);
+  bool (*fit_minimal)(std::span<const Eigen::Vector3d> points, std::span<const PlueckerLine> lines,
+                      double* g);
   void (*transform)(const Sim3d& new_from_old, const double* g, double* transformed);
   GroupMesh (*mesh)(const double* g, std::span<const Eigen::Vector3d> member_points);
 

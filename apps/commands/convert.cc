@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// holba convert: a model (or a BAL problem) in another format.
+#include <filesystem>
+#include <string>
+
+#include "apps/command.h"
+#include "holba/base/log.h"
+#include "holba/io/bal.h"
+#include "holba/io/model_io.h"
+#include "holba/io/ply.h"
+#include "holba/scene/reconstruction.h"
+
+namespace holba {
+namespace {
+
+enum class OutputType { kText, kBinary, kPly, kBal };
+
+class ConvertJob : public Job {
+ public:
+  void Describe(OptionTable* table) override {
+    table->Field("input_path", &input_path_, "Model folder, or a BAL file.");
+    table->Required();
+    table->Field("output_path", &output_path_, "Model folder (txt, bin) or file (ply, bal).");
+    table->Required();
+    table->Choice("output_type", &output_type_,
+                  {{"txt", OutputType::kText},
+                   {"bin", OutputType::kBinary},
+                   {"ply", OutputType::kPly},
+                   {"bal", OutputType::kBal}},
+                  "Format of the output.");
+  }
+
+  void Run(const Invocation&) override {
+    const Reconstruction model = std::filesystem::is_regular_file(input_path_)
+                                     ? ReadBal(input_path_)
+                                     : ReadModel(input_path_);
+    switch (output_type_) {
+      case OutputType::kText:
+        WriteModel(model, output_path_, ModelFormat::kText);
+        break;
+      case OutputType::kBinary:
+        WriteModel(model, output_path_, ModelFormat::kBinary);
+        break;
+      case OutputType::kPly:
+        WritePly(model, output_path_);
+        break;
+      case OutputType::kBal:
+        WriteBal(model, output_path_);
+        break;
+    }
+    LogInfo("Wrote {} images, {} points, {} lines and {} groups to {}", model.images.size(),
+            model.points3D.size(), model.lines3D.size(), model.groups3D.size(), output_path_);
+  }
+
+ private:
+  std::string input_path_;
+  std::string output_path_;
+  OutputType output_type_ = OutputType::kBinary;
+};
+
+}  // namespace
+
+Command ConvertCommand() {
+  return {.name = "convert",
+          .summary = "Write a model as text, binary, PLY or BAL",
+          .details = "",
+          .make_job = [] { return std::make_unique<ConvertJob>(); }};
+}
+
+}  // namespace holba

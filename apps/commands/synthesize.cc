@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// holba synthesize: a synthetic adjustment problem, as a true and a perturbed model.
+#include <filesystem>
+#include <string>
+
+#include "apps/command.h"
+#include "holba/base/log.h"
+#include "holba/io/model_io.h"
+#include "holba/synthetic/bundle_problem.h"
+
+namespace holba {
+namespace {
+
+class SynthesizeJob : public Job {
+ public:
+  void Describe(OptionTable* table) override {
+    table->Field("output_path", &output_path_,
+                 "Folder to write the models `truth` and `perturbed` to.");
+    table->Required();
+    table->Choice("output_type", &output_type_,
+                  {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
+                  "Format of the output.");
+    options_.Describe(table);
+  }
+
+  void Run(const Invocation&) override {
+    const BundleProblem problem = MakeBundleProblem(options_);
+    const std::filesystem::path folder = output_path_;
+    WriteModel(problem.truth, folder / "truth", output_type_);
+    WriteModel(problem.perturbed, folder / "perturbed", output_type_);
+    const Reconstruction& model = problem.truth;
+    LogInfo("Wrote {} images, {} points, {} lines, {} groups and {} wireframe edges to {}",
+            model.images.size(), model.points3D.size(), model.lines3D.size(), model.groups3D.size(),
+            model.wireframe.size(), output_path_);
+  }
+
+ private:
+  std::string output_path_;
+  ModelFormat output_type_ = ModelFormat::kBinary;
+  BundleProblemOptions options_;
+};
+
+}  // namespace
+
+Command SynthesizeCommand() {
+  return {.name = "synthesize",
+          .summary = "Make a synthetic adjustment problem with ground truth",
+          .details =
+              "Writes two models with the same ids and the same noisy observations: "
+              "OUTPUT_PATH/truth with the true poses and structure, and OUTPUT_PATH/perturbed, the "
+              "start of an adjustment. The scene is the paper's synthetic benchmark: cameras on a "
+              "sphere around a cube with axis-aligned planes, points and lines; f 700 px, "
+              "1000 x 1000 px images; each feature seen by 4 to 8 of them.",
+          .supports_json = false,
+          .make_job = [] { return std::make_unique<SynthesizeJob>(); }};
+}
+
+}  // namespace holba

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// holba transform: a similarity of everything in a model, given or found by normalisation.
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "apps/command.h"
+#include "holba/base/error.h"
+#include "holba/base/log.h"
+#include "holba/geometry/rigid3d.h"
+#include "holba/io/model_io.h"
+#include "holba/scene/reconstruction.h"
+
+namespace holba {
+namespace {
+
+// x_new = scale * R(rotation) * x_old + translation, as plain numbers of options and files.
+struct Similarity {
+  double scale = 1.0;
+  std::vector<double> rotation = {1, 0, 0, 0};  // qw qx qy qz
+  std::vector<double> translation = {0, 0, 0};
+
+  friend bool operator==(const Similarity&, const Similarity&) = default;
+};
+
+// `source` names the option or file for messages.
+Sim3d ToSim3d(const Similarity& s, const std::string& source) {
+  if (!(s.scale > 0) || !std::isfinite(s.scale)) {
+    throw InputError(source + ": the scale must be greater than 0");
+  }
+  if (s.rotation.size() != 4) {
+    throw InputError(source + ": a rotation has 4 numbers qw,qx,qy,qz, found " +
+                     std::to_string(s.rotation.size()));
+  }
+  if (s.translation.size() != 3) {
+    throw InputError(source + ": a translation has 3 numbers x,y,z, found " +
+                     std::to_string(s.translation.size()));
+  }
+  Sim3d sim;
+  sim.scale = s.scale;
+  sim.rotation = Eigen::Quaterniond(s.rotation[0], s.rotation[1], s.rotation[2], s.rotation[3]);
+  const double norm = sim.rotation.norm();
+  if (!(norm > 0) || !std::isfinite(norm)) {
+    throw InputError(source + ": the rotation must not be the zero quaternion");
+  }
+  sim.rotation.normalize();
+  sim.translation = Eigen::Vector3d(s.translation.data());
+  if (!sim.translation.allFinite()) throw InputError(source + ": the translation must be finite");
+  return sim;
+}
+
+Sim3d ReadSimilarity(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) throw InputError(path, "cannot open the file of the transformation");
+  Similarity s;
+  try {
+    const nlohmann::json json = nlohmann::json::parse(file);
+    if (!json.is_object()) throw InputError(path, "expected a JSON object");
+    for (const auto& [key, value] : json.items()) {
+      if (key == "scale") {
+        s.scale = value.get<double>();
+      } else if (key == "rotation") {
+        s.rotation = value.get<std::vector<double>>();
+      } else if (key == "translation") {
+        s.translation = value.get<std::vector<double>>();
+      } else {
+        throw InputError(path, "unknown key '" + key + "'; known are scale, rotation, translation");
+      }
+    }
+  } catch (const nlohmann::json::exception& error) {
+    throw InputError(path, std::string("expected {\"scale\": s, \"rotation\": [qw, qx, qy, qz], "
+                                       "\"translation\": [x, y, z]}: ") +
+                               error.what());
+  }
+  return ToSim3d(s, path);
+}
+
+// COLMAP's normalisation: between the 10th and 90th percentiles of the camera centres along each
+// axis, their mean moves to the origin and the diagonal of their box becomes 10.
+Sim3d Normalisation(const Reconstruction& model, const std::string& path) {
+  constexpr double kExtent = 10.0, kLowest = 0.1, kHighest = 0.9;
+  const size_t n = model.images.size();
+  if (n == 0) throw InputError(path, "has no images, so there is nothing to normalise by");
+  std::array<std::vector<double>, 3> coordinates;
+  for (const auto& [image_id, image] : model.images) {
+    const Eigen::Vector3d centre = model.CameraCentre(image_id);
+    for (int k = 0; k < 3; ++k) coordinates[k].push_back(centre[k]);
+  }
+  const size_t first = n > 3 ? static_cast<size_t>(kLowest * static_cast<double>(n - 1)) : 0;
+  const size_t last = n > 3 ? static_cast<size_t>(kHighest * static_cast<double>(n - 1)) : n - 1;
+  Eigen::Vector3d extent, mean;
+  for (int k = 0; k < 3; ++k) {
+    std::sort(coordinates[k].begin(), coordinates[k].end());
+    extent[k] = coordinates[k][last] - coordinates[k][first];
+    mean[k] = 0;
+    for (size_t i = first; i <= last; ++i) mean[k] += coordinates[k][i];
+    mean[k] /= static_cast<double>(last - first + 1);
+  }
+  Sim3d sim;
+  // Cameras at one place say nothing about the scale.
+  if (extent.norm() > 1e-12) sim.scale = kExtent / extent.norm();
+  sim.translation = -sim.scale * mean;
+  return sim;
+}
+
+// c_from_a = c_from_b * b_from_a
+Sim3d Compose(const Sim3d& c_from_b, const Sim3d& b_from_a) {
+  Sim3d c_from_a;
+  c_from_a.scale = c_from_b.scale * b_from_a.scale;
+  c_from_a.rotation = (c_from_b.rotation * b_from_a.rotation).normalized();
+  c_from_a.translation = c_from_b * b_from_a.translation;
+  return c_from_a;
+}
+
+class TransformJob : public Job {
+ public:
+  void Describe(OptionTable* table) override {
+    table->Field("input_path", &input_path_, "Model folder.");
+    table->Required();
+    table->Field("output_path", &output_path_, "Model folder; may be that of the input.");
+    table->Required();
+    table->Choice("output_type", &output_type_,
+                  {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
+                  "Format of the output.");
+    table->Field("normalize", &normalize_,
+                 "Centre and scale the cameras as COLMAP does, before what the other options say.");
+    table->Field("scale", &similarity_.scale, GreaterThan(0), "Scale of the similarity.");
+    table->Field("rotation", &similarity_.rotation, AnyValue(),
+                 "Rotation of the similarity, a quaternion qw,qx,qy,qz of any length but 0.");
+    table->Field("translation", &similarity_.translation, AnyValue(),
+                 "Translation x,y,z of the similarity, in units of the output.");
+    table->Field("transform_path", &transform_path_,
+                 "JSON file with scale, rotation and translation, instead of these options.");
+  }
+
+  void Run(const Invocation& invocation) override {
+    const bool has_options = similarity_ != Similarity{};
+    if (has_options && !transform_path_.empty()) {
+      throw InputError("--transform_path cannot go with --scale, --rotation or --translation");
+    }
+    Sim3d new_from_old = transform_path_.empty()
+                             ? ToSim3d(similarity_, "--scale, --rotation, --translation")
+                             : ReadSimilarity(transform_path_);
+    Reconstruction model = ReadModel(input_path_);
+    if (normalize_) new_from_old = Compose(new_from_old, Normalisation(model, input_path_));
+    model.Transform(new_from_old);
+    WriteModel(model, output_path_, output_type_);
+    if (invocation.json) PrintResult(ToJson(new_from_old));
+    LogInfo("Wrote the transformed model to {}", output_path_);
+  }
+
+ private:
+  // As --transform_path takes it.
+  static std::string ToJson(const Sim3d& sim) {
+    const Eigen::Quaterniond& q = sim.rotation;
+    const nlohmann::json json = {
+        {"scale", sim.scale},
+        {"rotation", {q.w(), q.x(), q.y(), q.z()}},
+        {"translation", {sim.translation.x(), sim.translation.y(), sim.translation.z()}}};
+    return json.dump(2) + "\n";
+  }
+
+  std::string input_path_;
+  std::string output_path_;
+  ModelFormat output_type_ = ModelFormat::kBinary;
+  bool normalize_ = false;
+  Similarity similarity_;
+  std::string transform_path_;
+};
+
+}  // namespace
+
+Command TransformCommand() {
+  return {.name = "transform",
+          .summary = "Move, turn and scale a model with everything in it",
+          .details =
+              "x_new = scale * R(rotation) * x_old + translation. With --json, the similarity "
+              "that was applied, as --transform_path takes it.",
+          .supports_json = true,
+          .make_job = [] { return std::make_unique<TransformJob>(); }};
+}
+
+}  // namespace holba

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apps/report.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+#include "holba/base/error.h"
+#include "holba/base/memory.h"
+
+namespace holba {
+namespace {
+
+using nlohmann::json;
+
+// Unknown times (negative) are null.
+json Seconds(double seconds) { return seconds < 0 ? json(nullptr) : json(seconds); }
+
+}  // namespace
+
+json TermsToJson(std::span<const TermCost> terms) {
+  json object = json::object();
+  for (const TermCost& term : terms) {
+    object[term.term] = {{"residuals", term.residuals - term.absent},
+                         {"sum_squares", term.sum_squares},
+                         {"absent", term.absent}};
+  }
+  return object;
+}
+
+json SummaryToJson(const BundleSummary& summary) {
+  const SolverSummary& s = summary.solver;
+  json terms = json::object();
+  for (size_t t = 0; t < s.final_terms.size(); ++t) {
+    const TermCost& before = s.initial_terms[t];
+    const TermCost& after = s.final_terms[t];
+    json& term = terms[after.term];
+    term = {{"residuals", after.residuals},
+            {"absent", after.absent},
+            {"sum_squares_initial", before.sum_squares},
+            {"sum_squares_final", after.sum_squares},
+            {"cost_initial", before.cost},
+            {"cost_final", after.cost}};
+    const auto scale = summary.auto_scales_px.find(after.term);
+    if (scale != summary.auto_scales_px.end()) {
+      term["auto_scale_px"] = scale->second;
+      term["auto_sigma_px"] = summary.auto_sigmas_px.at(after.term);
+    }
+  }
+  return {{"backend", s.backend},
+          {"linear_solver", s.linear_solver},
+          {"num_threads", s.num_threads},
+          {"iterations", s.iterations},
+          {"accepted_steps", s.accepted_steps},
+          {"rounds", summary.rounds},
+          {"stop_reason", NameOf(s.stop_reason)},
+          {"message", s.message},
+          {"cost", {{"initial", s.initial_cost}, {"final", s.final_cost}}},
+          {"terms", terms},
+          {"seconds",
+           {{"build", s.build_seconds},
+            {"linearise", s.linearise_seconds},
+            {"eliminate", s.eliminate_seconds},
+            {"factorise", Seconds(s.factorise_seconds)},
+            {"back_substitute", Seconds(s.back_substitute_seconds)},
+            {"total", s.total_seconds}}},
+          {"seconds_per_iteration_median", s.MedianIterationSeconds()},
+          {"reduced_system",
+           {{"size", s.reduced_system.size},
+            {"density", s.reduced_system.density},
+            {"pose_density", s.reduced_system.pose_density},
+            {"pose_density_without_wireframe", s.reduced_system.pose_density_without_wireframe}}},
+          {"peak_memory_mb", PeakMemoryMb()}};
+}
+
+std::string SummaryToText(const BundleSummary& summary) {
+  const SolverSummary& s = summary.solver;
+  std::string text = fmt::format("{:<16} {:>10} {:>8} {:>14} {:>14} {:>11} {:>11}\n", "term", "residuals", "absent",
+                                 "cost before", "cost after", "rms before", "rms after");
+  const auto rms = [](const TermCost& t) {
+    const size_t present = t.residuals - t.absent;
+    return present ? std::sqrt(t.sum_squares / static_cast<double>(present)) : 0.0;
+  };
+  for (size_t t = 0; t < s.final_terms.size(); ++t) {
+    const TermCost& before = s.initial_terms[t];
+    const TermCost& after = s.final_terms[t];
+    text += fmt::format("{:<16} {:>10} {:>8} {:>14.6g} {:>14.6g} {:>11.4g} {:>11.4g}", after.term, after.residuals,
+                        after.absent, before.cost, after.cost, rms(before), rms(after));
+    const auto scale = summary.auto_scales_px.find(after.term);
+    if (scale != summary.auto_scales_px.end()) {
+      text += fmt::format("  Cauchy {:.3f} px (sigma {:.3f} px)", scale->second,
+                          summary.auto_sigmas_px.at(after.term));
+    }
+    text += '\n';
+  }
+  text += fmt::format("{:<16} {:>10} {:>8} {:>14.8g} {:>14.8g}\n", "all", "", "", s.initial_cost, s.final_cost);
+  text += fmt::format("{} iterations ({} accepted) in {} rounds, stopped: {}\n", s.iterations, s.accepted_steps,
+                      summary.rounds, NameOf(s.stop_reason));
+  text += fmt::format("{}, {} threads; reduced system {} unknowns, {:.1f} % dense", s.linear_solver, s.num_threads,
+                      s.reduced_system.size, 100.0 * s.reduced_system.density);
+  text += fmt::format(" (pairs of poses {:.1f} %, without wireframe {:.1f} %)\n", 100.0 * s.reduced_system.pose_density,
+                      100.0 * s.reduced_system.pose_density_without_wireframe);
+  text += fmt::format(
+      "{:.3f} s: build {:.3f}, linearise {:.3f}, linear solver {:.3f}; {:.2f} ms per iteration (median); peak memory "
+      "{:.0f} MB\n",
+      s.total_seconds, s.build_seconds, s.linearise_seconds, s.eliminate_seconds, 1e3 * s.MedianIterationSeconds(),
+      PeakMemoryMb());
+  return text;
+}
+
+std::string IterationHeader(const IterationRecord& record) {
+  std::string text = fmt::format("{:>5} {:>14} {:>10} {:>9} {:>9} {:>9} {:>8}", "iter", "cost", "change", "gradient",
+                                 "step", "damping", "ms");
+  for (const TermCost& term : record.terms) text += fmt::format(" {:>15}", term.term);
+  return text;
+}
+
+std::string IterationLine(const IterationRecord& record) {
+  std::string text = fmt::format("{:>4}{} {:>14.8g} {:>10.2e} {:>9.2e} {:>9.2e} {:>9.2e} {:>8.2f}", record.iteration,
+                                 record.accepted ? ' ' : '-', record.cost, record.cost_change,
+                                 record.gradient_max_norm, record.step_norm, 1.0 / record.trust_radius,
+                                 1e3 * record.seconds);
+  for (const TermCost& term : record.terms) text += fmt::format(" {:>15.6g}", term.cost);
+  return text;
+}
+
+std::vector<GroupMeasurement> ReadGroupMeasurements(const std::string& path, const Reconstruction& model) {
+  std::ifstream file(path);
+  if (!file) throw InputError(path, "cannot be opened for reading");
+  std::vector<GroupMeasurement> measurements;
+  std::string line;
+  for (uint64_t number = 1; std::getline(file, line); ++number) {
+    if (line.empty() || line[0] == '#') continue;
+    std::istringstream fields(line);
+    fields.imbue(std::locale::classic());
+    GroupMeasurement m;
+    Eigen::Vector3d& d = m.direction_in_cam;
+    std::string rest;
+    if (!(fields >> m.image_id >> m.group3D_id >> d.x() >> d.y() >> d.z() >> m.sigma_deg) || (fields >> rest)) {
+      throw InputError::AtLine(path, number, "expected IMAGE_ID GROUP3D_ID DX DY DZ SIGMA_DEG");
+    }
+    if (!d.allFinite() || !(d.norm() > 0) || !(m.sigma_deg > 0) || !std::isfinite(m.sigma_deg)) {
+      throw InputError::AtLine(path, number, "the direction must not be zero and SIGMA_DEG must be positive");
+    }
+    if (!model.images.contains(m.image_id)) {
+      throw InputError::AtLine(path, number, fmt::format("the model has no image {}", m.image_id));
+    }
+    const Group3D* group = model.groups3D.Find(m.group3D_id);
+    if (!group || !group->type->HasDirection()) {
+      throw InputError::AtLine(path, number, fmt::format("the model has no group {} with a direction", m.group3D_id));
+    }
+    measurements.push_back(m);
+  }
+  return measurements;
+}
+
+}  // namespace holba

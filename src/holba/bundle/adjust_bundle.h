@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Holistic bundle adjustment of a model.
+#pragma once
+
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "holba/bundle/bundle_options.h"
+#include "holba/scene/reconstruction.h"
+#include "holba/solver/solver.h"
+
+namespace holba {
+
+struct BundleSummary {
+  // Of the whole adjustment: times and iterations are sums over rounds; initial and final costs are both taken with the
+  // losses of the last round, so that they compare.
+  SolverSummary solver;
+  // Scale of the loss of each term where it was `auto`, after the last round, px; and the robust standard deviation
+  // of its residuals then.
+  std::map<std::string, double> auto_scales_px;
+  std::map<std::string, double> auto_sigmas_px;
+  int rounds = 1;
+};
+
+// Called at the start of each round with a sentence about it, for logs.
+using RoundLog = std::function<void(const std::string&)>;
+
+// Adjusts the model in place. Losses `auto` are annealed: rounds of Cauchy whose scale halves down to
+// options.auto_num_sigmas robust standard deviations, measured anew after every round; the last round runs to convergence.
+// The model must be consistent.
+BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& solver_options, Reconstruction* model,
+                           std::span<const GroupMeasurement> measurements = {}, const RoundLog& log = {});
+
+// Number of residuals and sum of squares of every term of FORMAT.md at the model as it stands (all eight, also the
+// empty ones), then those of measurements if given.
+std::vector<TermCost> EvaluateModel(const Reconstruction& model, std::span<const GroupMeasurement> measurements = {});
+
+// Standard deviation of the residuals of a term in px, from the median (so that outliers do not count); of lines: of
+// the distances of single end points. 0 without residuals.
+double RobustSigmaPx(const Problem& problem, const std::string& term);
+
+}  // namespace holba

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What takes part in an adjustment, with which weights and losses: the one table of both.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "holba/base/options.h"
+#include "holba/problem/loss.h"
+#include "holba/scene/types.h"
+
+namespace holba {
+
+// The paper's configurations: each adds to the one before.
+enum class BundleConfig { kPoint, kPointLine, kGroups, kHolistic };
+// 2D: reprojection errors in pixels (the method). 3D: distances in model units, for comparison only.
+enum class StructureForm { k2d, k3d };
+// kTwoCams: COLMAP's; the first frame is held, and of the frame farthest from it the translation coordinate that fixes the
+// scale. Rigs with a known baseline have a scale of their own: then only the first frame is held.
+enum class Gauge { kTwoCams, kFree };
+enum class LossChoice { kTrivial, kHuber, kSoftL1, kCauchy, kAuto };
+
+// Terms that share a weight and a loss.
+enum class TermFamily { kPoint, kLine, kGroup, kVp, kWireframe, kRelation, kMeasurement };
+inline constexpr int kNumTermFamilies = 7;
+
+struct TermSettings {
+  // Empty: auto for points and lines of models, trivial for BAL problems, Cauchy for the others.
+  std::optional<LossChoice> loss;
+  double loss_scale = 1.0;  // in the residual's unit: px, or the sine of an angle
+  double weight = 1.0;      // multiplies the robustified cost
+};
+
+struct BundleOptions {
+  BundleConfig config = BundleConfig::kHolistic;
+
+  // By TermFamily. Weights and losses of the paper, appendix "Balancing Different Types of Costs".
+  std::array<TermSettings, kNumTermFamilies> terms = {{
+      {std::nullopt, 1.0, 1.0},            // point
+      {std::nullopt, 1.0, 1.0},            // line
+      {LossChoice::kCauchy, 1.0, 0.5},     // group_point, group_line
+      {LossChoice::kCauchy, 0.2, 5e3},     // vp
+      {LossChoice::kCauchy, 1.0, 0.1},     // wireframe_point, wireframe_line
+      {LossChoice::kCauchy, 0.2, 5e3},     // relation
+      {LossChoice::kCauchy, 3.0, 1.0},     // group_measurement, in its own standard deviations
+  }};
+  // The loss `auto`: Cauchy at this many robust standard deviations of the term's residuals.
+  double auto_num_sigmas = 2.0;
+  // Below this scale the noise is that of the localisation of a feature, whatever the residuals say.
+  double auto_min_scale_px = 0.05;
+
+  bool refine_focal_length = true;
+  bool refine_principal_point = false;
+  bool refine_extra_params = true;
+  bool fix_poses = false;
+  bool fix_points = false;
+  bool fix_lines = false;
+  bool fix_groups = false;
+  Gauge gauge = Gauge::kTwoCams;
+  // Features and groups outside the configuration are estimated afterwards, with all that was adjusted held.
+  bool refit_others = true;
+
+  StructureForm group_form = StructureForm::k2d;
+  double group_3d_weight = 100.0;
+  StructureForm wireframe_form = StructureForm::k2d;
+  double wireframe_3d_weight = 100.0;
+
+  TermSettings& operator[](TermFamily family) { return terms[static_cast<size_t>(family)]; }
+  const TermSettings& operator[](TermFamily family) const { return terms[static_cast<size_t>(family)]; }
+  // The choice of a family for a model (or, `is_bal`, a BAL problem).
+  void SetDefaultLosses(bool is_bal);
+  void Describe(OptionTable* table);
+};
+
+// A direction of a group measured in one image, in the camera frame: the ray of a vanishing point, or a plane's normal.
+struct GroupMeasurement {
+  image_t image_id = kInvalidId32;
+  group3D_t group3D_id = kNoId;
+  Eigen::Vector3d direction_in_cam = Eigen::Vector3d::UnitZ();  // unit; the sign does not matter
+  double sigma_deg = 1.0;
+};
+
+}  // namespace holba

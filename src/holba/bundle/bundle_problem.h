@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The bridge between scene and problem: a Reconstruction becomes a Problem once, and takes its values back.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "holba/bundle/bundle_options.h"
+#include "holba/problem/problem.h"
+#include "holba/residual/view.h"
+#include "holba/scene/reconstruction.h"
+
+namespace holba {
+
+struct BundleProblem {
+  Problem problem;
+  // Which block holds what.
+  std::vector<std::pair<frame_t, BlockId>> poses;
+  std::vector<std::pair<camera_t, BlockId>> cameras;
+  std::vector<std::pair<point3D_t, BlockId>> points;
+  std::vector<std::pair<line3D_t, BlockId>> lines;
+  std::vector<std::pair<group3D_t, BlockId>> groups;
+  // Sensor poses that residuals point to.
+  std::vector<std::unique_ptr<SensorPose>> sensor_poses;
+};
+
+// All residuals of the configuration. The model must be consistent (Reconstruction::FindInconsistency).
+// Losses `auto` start as Cauchy at the settings' scale; AdjustBundle moves them.
+BundleProblem BuildProblem(const Reconstruction& model, const BundleOptions& options,
+                           std::span<const GroupMeasurement> measurements = {});
+
+// Values of all variable blocks into the model; what was constant keeps its bits. End points of lines are carried
+// along to the new lines.
+void WriteBack(const BundleProblem& bundle, Reconstruction* model);
+
+// Mean reprojection errors of points, and of lines the mean over segments of the root mean square end point distance.
+void UpdateErrors(Reconstruction* model);
+
+}  // namespace holba

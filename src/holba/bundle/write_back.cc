@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+
+#include "holba/bundle/bundle_problem.h"
+
+namespace holba {
+namespace {
+
+bool Moves(const BundleProblem& bundle, BlockId id) { return bundle.problem.block(id).FreeTangent() > 0; }
+
+Eigen::Vector3d VectorAt(const double* values) { return Eigen::Map<const Eigen::Vector3d>(values); }
+
+}  // namespace
+
+void WriteBack(const BundleProblem& bundle, Reconstruction* model) {
+  for (const auto& [id, block] : bundle.poses) {
+    if (!Moves(bundle, block)) continue;
+    const double* v = bundle.problem.values(block);
+    model->SetFramePose(id, {Eigen::Quaterniond(v[3], v[0], v[1], v[2]), VectorAt(v + 4)});
+  }
+  for (const auto& [id, block] : bundle.cameras) {
+    if (!Moves(bundle, block)) continue;
+    Camera& camera = model->cameras.at(id);
+    const double* v = bundle.problem.values(block);
+    camera.params.assign(v, v + camera.model->num_params);
+  }
+  for (const auto& [id, block] : bundle.points) {
+    if (Moves(bundle, block)) model->points3D.at(id).xyz = VectorAt(bundle.problem.values(block));
+  }
+  for (const auto& [id, block] : bundle.lines) {
+    if (!Moves(bundle, block)) continue;
+    Line3D& line = model->lines3D.at(id);
+    const double* v = bundle.problem.values(block);
+    line.line = PlueckerLine::FromPointDirection(VectorAt(v + 3), VectorAt(v));
+    line.start = line.line.ClosestPoint(line.start);
+    line.end = line.line.ClosestPoint(line.end);
+  }
+  for (const auto& [id, block] : bundle.groups) {
+    if (!Moves(bundle, block)) continue;
+    Group3D& group = model->groups3D.at(id);
+    group.type->to_file(bundle.problem.values(block), group.params.data());
+  }
+}
+
+void UpdateErrors(Reconstruction* model) {
+  for (auto& [id, point] : model->points3D) {
+    double sum = 0.0;
+    size_t count = 0;
+    for (const PointObservation& observation : point.track) {
+      const Image& image = model->images.at(observation.image_id);
+      const Camera& camera = model->cameras.at(image.camera_id);
+      Eigen::Vector2d pixel;
+      if (!camera.model->project(camera.params.data(), image.cam_from_world * point.xyz, &pixel)) continue;
+      sum += (pixel - image.points2D[observation.point2D_idx].xy).norm();
+      ++count;
+    }
+    point.error = count ? sum / static_cast<double>(count) : -1.0;
+  }
+  for (auto& [id, line] : model->lines3D) {
+    double sum = 0.0;
+    size_t count = 0;
+    Vector6d pluecker;
+    pluecker << line.line.direction, line.line.moment;
+    for (const LineObservation& observation : line.track) {
+      const Image& image = model->images.at(observation.image_id);
+      const Camera& camera = model->cameras.at(image.camera_id);
+      const Rigid3d& pose = image.cam_from_world;
+      const Eigen::Quaterniond q = pose.rotation.normalized();
+      const double values[7] = {q.x(), q.y(), q.z(), q.w(), pose.translation.x(), pose.translation.y(),
+                                pose.translation.z()};
+      LineInImage projected;
+      ProjectLine(nullptr, values, camera.model->ideal_calibration(camera.params.data()), pluecker, &projected);
+      const LineSegment2d& segment = image.lines2D[observation.line2D_idx].segment;
+      double squares = 0.0;
+      bool valid = true;
+      for (const Eigen::Vector2d& end : {segment.start, segment.end}) {
+        const auto ideal = IdealPixel(*camera.model, camera.params.data(), end);
+        Perpendicular rho;
+        valid = valid && ideal && rho.Set(projected.l, *ideal);
+        if (valid) squares += rho.value.squaredNorm();
+      }
+      if (!valid) continue;
+      sum += std::sqrt(0.5 * squares);
+      ++count;
+    }
+    line.error = count ? sum / static_cast<double>(count) : -1.0;
+  }
+}
+
+}  // namespace holba

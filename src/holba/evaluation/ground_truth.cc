@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/evaluation/ground_truth.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <sstream>
+#include <string_view>
+
+namespace holba {
+namespace {
+
+constexpr double kDegPerRad = 180.0 / std::numbers::pi;
+
+double UnsignedAngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return kDegPerRad * std::atan2(a.cross(b).norm(), std::abs(a.dot(b)));
+}
+
+Eigen::Vector3d Midpoint(const Line3D& line) {
+  const Eigen::Vector3d middle = 0.5 * (line.start + line.end);
+  return line.line.ClosestPoint(middle);
+}
+
+// Points of a true group that are on it: members, ends of member segments.
+std::vector<Eigen::Vector3d> MemberPoints(const Reconstruction& truth, const Group3D& group) {
+  std::vector<Eigen::Vector3d> points;
+  for (const point3D_t id : group.point3D_ids) points.push_back(truth.points3D.at(id).xyz);
+  for (const line3D_t id : group.line3D_ids) {
+    const Line3D& line = truth.lines3D.at(id);
+    points.push_back(line.line.ClosestPoint(line.start));
+    points.push_back(line.line.ClosestPoint(line.end));
+  }
+  return points;
+}
+
+using Params = std::array<double, kMaxGroupParams>;
+
+// In-memory and plain parameters of a group, moved by a similarity.
+struct MovedGroup {
+  Params memory{}, plain{};
+};
+std::optional<MovedGroup> Move(const Group3D& group, const Sim3d& new_from_old) {
+  Params old{};
+  MovedGroup moved;
+  if (!group.type->from_file(group.params.data(), old.data())) return std::nullopt;
+  group.type->transform(new_from_old, old.data(), moved.memory.data());
+  group.type->to_file(moved.memory.data(), moved.plain.data());
+  return moved;
+}
+
+// Collects the errors of one model.
+class Comparison {
+ public:
+  Comparison(const Reconstruction& model, const Reconstruction& truth, const Sim3d& sim)
+      : model_(model), truth_(truth), sim_(sim) {}
+
+  GroundTruthErrors Run() {
+    GroundTruthErrors errors;
+    errors.truth_from_model = sim_;
+    CompareCameras(&errors);
+    CompareFeatures(&errors);
+    CompareGroups(&errors);
+    return errors;
+  }
+
+ private:
+  void CompareCameras(GroundTruthErrors* errors) const {
+    std::vector<double> rotations, positions;
+    for (const auto& [id, image] : truth_.images) {
+      const Image* other = model_.images.Find(id);
+      if (other == nullptr) continue;
+      const Rigid3d pose = sim_.TransformPose(other->cam_from_world);
+      const Rigid3d error = pose * image.cam_from_world.Inverse();
+      rotations.push_back(kDegPerRad * LogRotation(error.rotation).norm());
+      positions.push_back((pose.OriginInA() - image.cam_from_world.OriginInA()).norm());
+    }
+    errors->rotation_deg = Summarise(rotations);
+    errors->position = Summarise(positions);
+  }
+
+  void CompareFeatures(GroundTruthErrors* errors) const {
+    std::vector<double> points, directions, distances;
+    for (const auto& [id, point] : truth_.points3D) {
+      const Point3D* other = model_.points3D.Find(id);
+      if (other != nullptr) points.push_back((sim_ * other->xyz - point.xyz).norm());
+    }
+    for (const auto& [id, line] : truth_.lines3D) {
+      const Line3D* other = model_.lines3D.Find(id);
+      if (other == nullptr) continue;
+      const PlueckerLine moved = Transform(sim_, other->line);
+      directions.push_back(UnsignedAngleDeg(moved.direction, line.line.direction));
+      distances.push_back(moved.Distance(Midpoint(line)));
+    }
+    errors->point = Summarise(points);
+    errors->line_direction_deg = Summarise(directions);
+    errors->line_distance = Summarise(distances);
+  }
+
+  void CompareGroups(GroundTruthErrors* errors) {
+    std::vector<double> normals, offsets;
+    for (const auto& [id, group] : truth_.groups3D) {
+      const Group3D* other = model_.groups3D.Find(id);
+      if (other == nullptr || other->type != group.type) continue;
+      const auto moved = Move(*other, sim_);
+      const auto exact = Move(group, Sim3d());
+      if (!moved || !exact) continue;
+      if (group.type->name == "PLANE") {
+        const Eigen::Vector3d n(moved->plain.data()), n_true(exact->plain.data());
+        Eigen::Vector3d centroid = -exact->plain[3] * n_true;
+        const std::vector<Eigen::Vector3d> members = MemberPoints(truth_, group);
+        if (!members.empty()) {
+          centroid.setZero();
+          for (const Eigen::Vector3d& X : members) centroid += X;
+          centroid /= static_cast<double>(members.size());
+        }
+        normals.push_back(UnsignedAngleDeg(n, n_true));
+        offsets.push_back(std::abs(n.dot(centroid) + moved->plain[3]));
+      } else {
+        CompareGroup(group, *moved, *exact);
+      }
+    }
+    errors->plane_normal_deg = Summarise(normals);
+    errors->plane_offset = Summarise(offsets);
+    for (const auto& [name, values] : group_errors_) errors->groups[name] = *Summarise(values);
+  }
+
+  void CompareGroup(const Group3D& group, const MovedGroup& moved, const MovedGroup& exact) {
+    const GroupType& type = *group.type;
+    const auto add = [&](std::string_view quantity, double error) {
+      group_errors_[std::string(type.name) + " " + std::string(quantity)].push_back(error);
+    };
+    if (type.HasDirection()) {
+      Eigen::Vector3d a, b;
+      type.direction(moved.memory.data(), &a, nullptr);
+      type.direction(exact.memory.data(), &b, nullptr);
+      add("direction_deg", UnsignedAngleDeg(a, b));
+    }
+    if (type.project_point != nullptr) {
+      for (const point3D_t id : group.point3D_ids) {
+        const Eigen::Vector3d& X = truth_.points3D.at(id).xyz;
+        Eigen::Vector3d projected;
+        if (type.project_point(moved.memory.data(), X, &projected)) {
+          add("surface", (projected - X).norm());
+        }
+      }
+    }
+    std::istringstream names{std::string(type.file_params)};
+    std::string name;
+    for (int i = 0; names >> name && i < type.num_file_params; ++i) {
+      const Eigen::Map<const Eigen::Vector3d> a(moved.plain.data() + i), b(exact.plain.data() + i);
+      if (name == "cx") add("centre", (a - b).norm());
+      if (name == "ax") add("apex", (a - b).norm());
+      if (name == "r") add("radius", std::abs(a[0] - b[0]));
+      if (name == "alpha") add("half_angle_deg", kDegPerRad * std::abs(a[0] - b[0]));
+      if (name == "sx") {
+        Eigen::Vector3d sa = a, sb = b;
+        std::sort(sa.data(), sa.data() + 3);
+        std::sort(sb.data(), sb.data() + 3);
+        add("semi_axes", (sa - sb).norm());
+      }
+    }
+  }
+
+  const Reconstruction& model_;
+  const Reconstruction& truth_;
+  const Sim3d sim_;
+  std::map<std::string, std::vector<double>> group_errors_;
+};
+
+}  // namespace
+
+GroundTruthErrors CompareToTruth(const Reconstruction& model, const Reconstruction& truth,
+                                 const Sim3d& truth_from_model) {
+  return Comparison(model, truth, truth_from_model).Run();
+}
+
+std::optional<GroundTruthErrors> CompareToTruth(const Reconstruction& model,
+                                                const Reconstruction& truth, AlignmentBasis basis) {
+  const auto sim = AlignReconstructions(model, truth, basis);
+  if (!sim) return std::nullopt;
+  return CompareToTruth(model, truth, *sim);
+}
+
+std::vector<std::pair<std::string, double>> GroundTruthErrors::Named() const {
+  std::vector<std::pair<std::string, double>> named;
+  const auto add = [&](std::string name, const std::optional<ErrorStats>& stats) {
+    if (!stats) return;
+    std::string unit;
+    if (name.ends_with("_deg")) {
+      unit = "_deg";
+      name.resize(name.size() - unit.size());
+    }
+    named.emplace_back(name + "_rms" + unit, stats->rms);
+    named.emplace_back(name + "_median" + unit, stats->median);
+  };
+  add("rotation_deg", rotation_deg);
+  add("position", position);
+  add("point", point);
+  add("line_direction_deg", line_direction_deg);
+  add("line_distance", line_distance);
+  add("plane_normal_deg", plane_normal_deg);
+  add("plane_offset", plane_offset);
+  for (const auto& [name, stats] : groups) add(name, stats);
+  return named;
+}
+
+}  // namespace holba

@@ -1,0 +1,508 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/io/colmap_files.h"
+
+#include <algorithm>
+#include <unordered_map>
+
+namespace holba {
+namespace {
+
+// Poses of image file and frame that differ by less are the same pose, rounded differently.
+constexpr double kSamePose = 1e-9;
+
+std::string CameraModelNames() {
+  std::string names;
+  for (const CameraModel* model : AllCameraModels()) {
+    if (!names.empty()) names += ", ";
+    names += model->name;
+  }
+  return names;
+}
+
+template <typename In>
+const CameraModel* ReadCameraModel(In& in) {
+  if constexpr (In::kBinary) {
+    const int32_t id = in.Int32("MODEL_ID");
+    const CameraModel* model = FindCameraModel(id);
+    if (model == nullptr) {
+      in.Fail(fmt::format("expected MODEL_ID (the number of a camera model: {}), found {}",
+                          CameraModelNames(), id));
+    }
+    return model;
+  } else {
+    const std::string_view name = in.Word("MODEL", "the name of a camera model");
+    const CameraModel* model = FindCameraModel(name);
+    if (model == nullptr) {
+      in.Fail(fmt::format("expected MODEL (one of {}), found '{}'", CameraModelNames(),
+                          name.substr(0, 40)));
+    }
+    return model;
+  }
+}
+
+template <typename In>
+SensorType ReadSensorType(In& in) {
+  if constexpr (In::kBinary) {
+    const int32_t type = in.Int32("SENSOR_TYPE");
+    if (type == static_cast<int32_t>(SensorType::kCamera)) return SensorType::kCamera;
+    if (type == static_cast<int32_t>(SensorType::kImu)) return SensorType::kImu;
+    in.Fail(fmt::format("expected SENSOR_TYPE (0 CAMERA or 1 IMU), found {}", type));
+  } else {
+    const std::string_view type = in.Word("SENSOR_TYPE", "CAMERA or IMU");
+    if (type == "CAMERA") return SensorType::kCamera;
+    if (type == "IMU") return SensorType::kImu;
+    in.Fail(fmt::format("expected SENSOR_TYPE (CAMERA or IMU), found '{}'", type.substr(0, 40)));
+  }
+}
+
+template <typename In>
+SensorId ReadSensor(In& in) {
+  const SensorType type = ReadSensorType(in);
+  return {type, in.Key32("SENSOR_ID")};
+}
+
+template <typename Out>
+void WriteSensor(Out& out, const SensorId& sensor) {
+  if constexpr (Out::kBinary) {
+    out.Int32(static_cast<int32_t>(sensor.type));
+  } else {
+    out.Word(sensor.type == SensorType::kImu ? "IMU" : "CAMERA");
+  }
+  out.Index(sensor.id);
+}
+
+// `what` names the record in messages: "image 3".
+template <typename In>
+Rigid3d ReadPose(In& in, const std::string& what) {
+  Rigid3d pose;
+  pose.rotation.w() = in.Real("QW");
+  pose.rotation.x() = in.Real("QX");
+  pose.rotation.y() = in.Real("QY");
+  pose.rotation.z() = in.Real("QZ");
+  pose.translation = ReadVector3(in, "TX", "TY", "TZ");
+  if (const Fault fault = FindFault(pose)) in.FailRecord(what + " " + *fault);
+  return pose;
+}
+
+template <typename Out>
+void WritePose(Out& out, const Rigid3d& pose) {
+  out.Real(pose.rotation.w());
+  out.Real(pose.rotation.x());
+  out.Real(pose.rotation.y());
+  out.Real(pose.rotation.z());
+  WriteVector3(out, pose.translation);
+}
+
+bool Agree(const Rigid3d& a, const Rigid3d& b) {
+  const Eigen::Vector4d p = a.rotation.coeffs().normalized(), q = b.rotation.coeffs().normalized();
+  return std::min((p - q).norm(), (p + q).norm()) <= kSamePose &&
+         (a.translation - b.translation).norm() <= kSamePose * (1.0 + b.translation.norm());
+}
+
+uint64_t NumObservations(const Reconstruction& model) {
+  uint64_t count = 0;
+  for (const auto& [point3D_id, point] : model.points3D) count += point.track.size();
+  return count;
+}
+
+std::string Ratio(uint64_t sum, size_t count) {
+  return RealToText(count == 0 ? 0.0 : static_cast<double>(sum) / static_cast<double>(count));
+}
+
+template <typename In>
+void ReadCameraRecords(In& in, Reconstruction* model) {
+  in.Begin("the number of cameras", 24);
+  while (in.NextRecord()) {
+    const camera_t camera_id = in.Key32("CAMERA_ID");
+    Camera camera;
+    camera.model = ReadCameraModel(in);
+    camera.width = in.Number("WIDTH");
+    camera.height = in.Number("HEIGHT");
+    for (int i = 0; i < camera.model->num_params; ++i) camera.params.push_back(in.Real("PARAMS"));
+    in.EndRecord();
+    if (const Fault fault = FindFault(camera)) {
+      in.FailRecord(fmt::format("camera {} {}", camera_id, *fault));
+    }
+    if (!model->cameras.Add(camera_id, std::move(camera))) {
+      in.FailRecord(fmt::format("camera {} is there twice", camera_id));
+    }
+  }
+}
+
+template <typename In>
+void ReadRigRecords(In& in, Reconstruction* model) {
+  in.Begin("the number of rigs", 8);
+  while (in.NextRecord()) {
+    const rig_t rig_id = in.Key32("RIG_ID");
+    const size_t num_sensors = in.Count32("NUM_SENSORS", 8);
+    Rig rig;
+    std::vector<SensorId> sensors;
+    for (size_t i = 0; i < num_sensors; ++i) {
+      const SensorId sensor = ReadSensor(in);
+      if (sensor.type == SensorType::kCamera && !model->cameras.contains(sensor.id)) {
+        in.Fail(
+            fmt::format("rig {} names {}, which is not in the model", rig_id, ToString(sensor)));
+      }
+      sensors.push_back(sensor);
+      if (i == 0) {
+        rig.ref_sensor = sensor;
+        continue;
+      }
+      rig.sensors.push_back({.id = sensor, .sensor_from_rig = std::nullopt});
+      const uint8_t has_pose = in.Byte("HAS_POSE");
+      if (has_pose > 1) in.Fail(fmt::format("expected HAS_POSE (0 or 1), found {}", has_pose));
+      if (has_pose == 1) {
+        rig.sensors.back().sensor_from_rig =
+            ReadPose(in, fmt::format("rig {}: the pose of {}", rig_id, ToString(sensor)));
+      }
+    }
+    in.EndRecord();
+    std::sort(sensors.begin(), sensors.end());
+    const auto twice = std::adjacent_find(sensors.begin(), sensors.end());
+    if (twice != sensors.end()) {
+      in.FailRecord(fmt::format("rig {} has {} twice", rig_id, ToString(*twice)));
+    }
+    if (!model->rigs.Add(rig_id, std::move(rig))) {
+      in.FailRecord(fmt::format("rig {} is there twice", rig_id));
+    }
+  }
+}
+
+bool HasSensor(const Rig& rig, const SensorId& sensor) {
+  return rig.ref_sensor == sensor ||
+         std::any_of(rig.sensors.begin(), rig.sensors.end(),
+                     [&](const Rig::Sensor& other) { return other.id == sensor; });
+}
+
+template <typename In>
+void ReadFrameRecords(In& in, Reconstruction* model) {
+  std::unordered_map<uint64_t, frame_t> frame_of_image;
+  in.Begin("the number of frames", 68);
+  while (in.NextRecord()) {
+    const frame_t frame_id = in.Key32("FRAME_ID");
+    Frame frame;
+    frame.rig_id = in.Key32("RIG_ID");
+    const Rig* rig = model->rigs.Find(frame.rig_id);
+    if (rig == nullptr) {
+      in.Fail(
+          fmt::format("frame {} names rig {}, which is not in the model", frame_id, frame.rig_id));
+    }
+    frame.rig_from_world = ReadPose(in, fmt::format("frame {}", frame_id));
+    for (size_t left = in.Count32("NUM_DATA_IDS", 16); left > 0; --left) {
+      Frame::Data data;
+      data.sensor = ReadSensor(in);
+      if (!HasSensor(*rig, data.sensor)) {
+        in.Fail(fmt::format("frame {} has data of {}, which is not in its rig {}", frame_id,
+                            ToString(data.sensor), frame.rig_id));
+      }
+      data.data_id = in.Key("DATA_ID");
+      if (data.sensor.type == SensorType::kCamera) {
+        const auto [other, is_new] = frame_of_image.emplace(data.data_id, frame_id);
+        if (!is_new) {
+          in.Fail(fmt::format("image {} is in frame {} and again in frame {}", data.data_id,
+                              other->second, frame_id));
+        }
+      }
+      frame.data.push_back(data);
+    }
+    in.EndRecord();
+    if (!model->frames.Add(frame_id, std::move(frame))) {
+      in.FailRecord(fmt::format("frame {} is there twice", frame_id));
+    }
+  }
+}
+
+// The frame of each image, from rigs and frames that were read before the images.
+struct FrameOfImage {
+  frame_t frame_id;
+  SensorId sensor;
+};
+std::unordered_map<uint64_t, FrameOfImage> FramesOfImages(const Reconstruction& model) {
+  std::unordered_map<uint64_t, FrameOfImage> frames;
+  for (const auto& [frame_id, frame] : model.frames) {
+    for (const Frame::Data& data : frame.data) {
+      if (data.sensor.type == SensorType::kCamera) {
+        frames.emplace(data.data_id, FrameOfImage{frame_id, data.sensor});
+      }
+    }
+  }
+  return frames;
+}
+
+// Puts the image into its frame and gives it the pose of frame and rig.
+template <typename In>
+void JoinFrame(In& in, const Reconstruction& model,
+               const std::unordered_map<uint64_t, FrameOfImage>& frames, image_t image_id,
+               Image* image) {
+  const auto found = frames.find(image_id);
+  if (found == frames.end()) {
+    in.FailRecord(
+        fmt::format("image {} is in no frame of the frames file (which every image must be in if "
+                    "there are rigs and frames)",
+                    image_id));
+  }
+  const SensorId sensor{SensorType::kCamera, image->camera_id};
+  if (found->second.sensor != sensor) {
+    in.FailRecord(fmt::format("image {} is of {}, but its frame {} says {}", image_id,
+                              ToString(sensor), found->second.frame_id,
+                              ToString(found->second.sensor)));
+  }
+  image->frame_id = found->second.frame_id;
+  const Frame& frame = model.frames.at(image->frame_id);
+  const Rig& rig = model.rigs.at(frame.rig_id);
+  Rigid3d pose = frame.rig_from_world;
+  if (rig.ref_sensor != sensor) {
+    const auto member = std::find_if(rig.sensors.begin(), rig.sensors.end(),
+                                     [&](const Rig::Sensor& other) { return other.id == sensor; });
+    if (!member->sensor_from_rig) {
+      in.FailRecord(fmt::format("image {} is of {}, whose pose in rig {} is unknown", image_id,
+                                ToString(sensor), frame.rig_id));
+    }
+    pose = *member->sensor_from_rig * frame.rig_from_world;
+  }
+  if (!Agree(image->cam_from_world, pose)) image->cam_from_world = pose;
+}
+
+template <typename In>
+void ReadImageRecords(In& in, Reconstruction* model) {
+  // As COLMAP: without any rig and frame a model is of the older form, whatever files there are.
+  const bool has_frames = !model->rigs.empty() || !model->frames.empty();
+  const auto frames = FramesOfImages(*model);
+  in.Begin("the number of images", 73);
+  while (in.NextRecord()) {
+    const image_t image_id = in.Key32("IMAGE_ID");
+    Image image;
+    image.cam_from_world = ReadPose(in, fmt::format("image {}", image_id));
+    image.camera_id = in.Key32("CAMERA_ID");
+    if (!model->cameras.contains(image.camera_id)) {
+      in.Fail(fmt::format("image {} names camera {}, which is not in the model", image_id,
+                          image.camera_id));
+    }
+    size_t list;
+    if constexpr (In::kBinary) {
+      image.name = in.ZeroTerminated("NAME");
+      if (image.name.empty())
+        in.Fail(fmt::format("expected NAME of image {}, found none", image_id));
+      list = in.Count("NUM_POINTS2D", 24);
+      image.points2D.reserve(list);
+    } else {
+      image.name = in.Rest("NAME", "the name of the image file");
+      if (image.name.find('\0') != std::string::npos) {
+        in.Fail(fmt::format("expected NAME of image {}, found a zero byte in it", image_id));
+      }
+    }
+    if (has_frames) JoinFrame(in, *model, frames, image_id, &image);
+    if constexpr (!In::kBinary) {
+      in.NextRawLine("POINTS2D");
+      list = in.List("POINTS2D", 24);
+    }
+    while (in.More(&list)) {
+      Point2D point;
+      point.xy.x() = in.Real("X");
+      point.xy.y() = in.Real("Y");
+      point.point3D_id = in.Id("POINT3D_ID");
+      image.points2D.push_back(point);
+    }
+    in.EndRecord();
+    if (!model->images.Add(image_id, std::move(image))) {
+      in.FailRecord(fmt::format("image {} is there twice", image_id));
+    }
+  }
+  if (!has_frames) model->AddTrivialRigsAndFrames();
+}
+
+template <typename In>
+void ReadPointRecords(In& in, Reconstruction* model) {
+  in.Begin("the number of points", 51);
+  model->points3D.Reserve(in.NumRecordsAtMost());
+  while (in.NextRecord()) {
+    const point3D_t point3D_id = in.Key("POINT3D_ID");
+    Point3D point;
+    point.xyz = ReadVector3(in, "X", "Y", "Z");
+    point.rgb[0] = in.Byte("R");
+    point.rgb[1] = in.Byte("G");
+    point.rgb[2] = in.Byte("B");
+    point.error = in.Real("ERROR");
+    for (size_t list = in.List("TRACK_LENGTH", 8); in.More(&list);) {
+      ReadObservation(
+          in, *model, "3D point", "POINT2D_IDX", point3D_id,
+          [](const Image& image) -> auto& { return image.points2D; },
+          [](const Point2D& feature) { return feature.point3D_id; }, &point.track);
+    }
+    in.EndRecord();
+    if (!model->points3D.Add(point3D_id, std::move(point))) {
+      in.FailRecord(fmt::format("3D point {} is there twice", point3D_id));
+    }
+  }
+}
+
+void CheckNameFitsText(image_t image_id, const std::string& name) {
+  const auto is_blank = [](char c) { return c == ' ' || c == '\t'; };
+  if (!name.empty() && name.find_first_of("\n\r") == std::string::npos && !is_blank(name.front()) &&
+      !is_blank(name.back())) {
+    return;
+  }
+  throw InputError(
+      fmt::format("image {} has the name '{}', which a text file cannot hold (it is empty, has a "
+                  "line break, or a blank at an end): write a binary model, or rename the image",
+                  image_id, name));
+}
+
+}  // namespace
+
+void ReadCameras(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                 Reconstruction* model) {
+  WithInput(format, bytes, path, [&](auto& in) { ReadCameraRecords(in, model); });
+}
+
+void ReadRigs(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+              Reconstruction* model) {
+  model->has_rig_files = true;
+  WithInput(format, bytes, path, [&](auto& in) { ReadRigRecords(in, model); });
+}
+
+void ReadFrames(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                Reconstruction* model) {
+  WithInput(format, bytes, path, [&](auto& in) { ReadFrameRecords(in, model); });
+}
+
+void ReadImages(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                Reconstruction* model) {
+  WithInput(format, bytes, path, [&](auto& in) { ReadImageRecords(in, model); });
+}
+
+void ReadPoints3D(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                  Reconstruction* model) {
+  WithInput(format, bytes, path, [&](auto& in) { ReadPointRecords(in, model); });
+}
+
+void WriteCameras(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  WithOutput(format, stream, [&](auto& out) {
+    if constexpr (!std::decay_t<decltype(out)>::kBinary) {
+      out.Comment("Camera list with one line of data per camera:");
+      out.Comment("  CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]");
+      out.Comment(fmt::format("Number of cameras: {}", model.cameras.size()));
+    }
+    out.Begin(model.cameras.size());
+    for (const auto& [camera_id, camera] : model.cameras) {
+      out.Index(camera_id);
+      if constexpr (std::decay_t<decltype(out)>::kBinary) {
+        out.Int32(camera.model->id);
+      } else {
+        out.Word(camera.model->name);
+      }
+      out.Number(camera.width);
+      out.Number(camera.height);
+      for (const double param : camera.params) out.Real(param);
+      out.EndRecord();
+    }
+  });
+}
+
+void WriteRigs(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  WithOutput(format, stream, [&](auto& out) {
+    if constexpr (!std::decay_t<decltype(out)>::kBinary) {
+      out.Comment("Rig calib list with one line of data per calib:");
+      out.Comment(
+          "  RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, SENSORS[] as (SENSOR_TYPE, "
+          "SENSOR_ID, HAS_POSE, [QW, QX, QY, QZ, TX, TY, TZ])");
+      out.Comment(fmt::format("Number of rigs: {}", model.rigs.size()));
+    }
+    out.Begin(model.rigs.size());
+    for (const auto& [rig_id, rig] : model.rigs) {
+      out.Index(rig_id);
+      out.Index(static_cast<uint32_t>(rig.sensors.size() + (rig.ref_sensor ? 1 : 0)));
+      if (rig.ref_sensor) WriteSensor(out, *rig.ref_sensor);
+      for (const Rig::Sensor& sensor : rig.sensors) {
+        WriteSensor(out, sensor.id);
+        out.Byte(sensor.sensor_from_rig ? 1 : 0);
+        if (sensor.sensor_from_rig) WritePose(out, *sensor.sensor_from_rig);
+      }
+      out.EndRecord();
+    }
+  });
+}
+
+void WriteFrames(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  WithOutput(format, stream, [&](auto& out) {
+    if constexpr (!std::decay_t<decltype(out)>::kBinary) {
+      out.Comment("Frame list with one line of data per frame:");
+      out.Comment(
+          "  FRAME_ID, RIG_ID, RIG_FROM_WORLD[QW, QX, QY, QZ, TX, TY, TZ], NUM_DATA_IDS, "
+          "DATA_IDS[] as (SENSOR_TYPE, SENSOR_ID, DATA_ID)");
+      out.Comment(fmt::format("Number of frames: {}", model.frames.size()));
+    }
+    out.Begin(model.frames.size());
+    for (const auto& [frame_id, frame] : model.frames) {
+      out.Index(frame_id);
+      out.Index(frame.rig_id);
+      WritePose(out, frame.rig_from_world);
+      out.Index(static_cast<uint32_t>(frame.data.size()));
+      for (const Frame::Data& data : frame.data) {
+        WriteSensor(out, data.sensor);
+        out.Number(data.data_id);
+      }
+      out.EndRecord();
+    }
+  });
+}
+
+void WriteImages(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  WithOutput(format, stream, [&](auto& out) {
+    constexpr bool kBinary = std::decay_t<decltype(out)>::kBinary;
+    if constexpr (!kBinary) {
+      out.Comment("Image list with two lines of data per image:");
+      out.Comment("  IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME");
+      out.Comment("  POINTS2D[] as (X, Y, POINT3D_ID)");
+      out.Comment(fmt::format("Number of images: {}, mean observations per image: {}",
+                              model.images.size(),
+                              Ratio(NumObservations(model), model.images.size())));
+    }
+    out.Begin(model.images.size());
+    for (const auto& [image_id, image] : model.images) {
+      out.Index(image_id);
+      WritePose(out, image.cam_from_world);
+      out.Index(image.camera_id);
+      if constexpr (kBinary) {
+        out.ZeroTerminated(image.name);
+        out.Count(image.points2D.size());
+      } else {
+        CheckNameFitsText(image_id, image.name);
+        out.Word(image.name);
+        out.EndRecord();
+      }
+      for (const Point2D& point : image.points2D) {
+        out.Real(point.xy.x());
+        out.Real(point.xy.y());
+        out.Id(point.point3D_id);
+      }
+      out.EndRecord();
+    }
+  });
+}
+
+void WritePoints3D(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  WithOutput(format, stream, [&](auto& out) {
+    if constexpr (!std::decay_t<decltype(out)>::kBinary) {
+      out.Comment("3D point list with one line of data per point:");
+      out.Comment("  POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)");
+      out.Comment(fmt::format("Number of points: {}, mean track length: {}", model.points3D.size(),
+                              Ratio(NumObservations(model), model.points3D.size())));
+    }
+    out.Begin(model.points3D.size());
+    for (const auto& [point3D_id, point] : model.points3D) {
+      out.Id(point3D_id);
+      WriteVector3(out, point.xyz);
+      for (const uint8_t channel : point.rgb) out.Byte(channel);
+      out.Real(point.error);
+      out.List(point.track.size());
+      for (const PointObservation& observation : point.track) {
+        out.Index(observation.image_id);
+        out.Index(observation.point2D_idx);
+      }
+      out.EndRecord();
+    }
+  });
+}
+
+}  // namespace holba

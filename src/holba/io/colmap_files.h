@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// COLMAP's sparse model files, text and binary: cameras, rigs, frames, images, points3D. Field for
+// field what COLMAP (up to 4.2) writes, except that records keep the order in which they were read.
+//
+// Readers take the bytes of a file and add its records to `model`; call them in the order below,
+// each record is checked against those read before. `path` is for messages. They throw InputError
+// with line or byte.
+#pragma once
+
+#include <filesystem>
+#include <ostream>
+#include <string_view>
+
+#include "holba/io/model_format.h"
+#include "holba/scene/reconstruction.h"
+
+namespace holba {
+
+void ReadCameras(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                 Reconstruction* model);
+// Sets has_rig_files.
+void ReadRigs(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+              Reconstruction* model);
+void ReadFrames(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                Reconstruction* model);
+// With rigs and frames, the pose of an image is that of its frame and rig (the file's own is
+// redundant and kept only where it agrees to 1e-9); without, trivial rigs and frames are added, as
+// COLMAP does.
+void ReadImages(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                Reconstruction* model);
+void ReadPoints3D(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                  Reconstruction* model);
+
+void WriteCameras(ModelFormat format, const Reconstruction& model, std::ostream* stream);
+void WriteRigs(ModelFormat format, const Reconstruction& model, std::ostream* stream);
+void WriteFrames(ModelFormat format, const Reconstruction& model, std::ostream* stream);
+// Text: throws InputError if an image has a name that a line of text cannot hold.
+void WriteImages(ModelFormat format, const Reconstruction& model, std::ostream* stream);
+void WritePoints3D(ModelFormat format, const Reconstruction& model, std::ostream* stream);
+
+}  // namespace holba

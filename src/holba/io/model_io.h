@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Models as folders: a COLMAP sparse model and our files beside it (FORMAT.md).
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+#include "holba/io/model_format.h"
+#include "holba/scene/reconstruction.h"
+
+namespace holba {
+
+// The format of the COLMAP files in a folder, binary if cameras, images and points3D are there as
+// binary. Empty: neither format is complete, the folder is no model.
+std::optional<ModelFormat> FindModelFormat(const std::filesystem::path& folder);
+
+// Binary first, as COLMAP does; of our files each that is there, binary first. The model is
+// consistent. Throws InputError with file and place, also if the poses are not those that our files
+// belong to.
+Reconstruction ReadModel(const std::filesystem::path& folder);
+
+// Creates the folder with its parents. Either what was there or the whole new model is there, never
+// a mix; model files of the other format are removed, files that are no model files stay. Our files
+// are written only if the model holds lines, groups, edges or relations; rigs and frames only if it
+// came with them. Throws InputError if it cannot be written; the model must be consistent.
+void WriteModel(const Reconstruction& model, const std::filesystem::path& folder,
+                ModelFormat format);
+
+}  // namespace holba

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A nonlinear least-squares problem: cost = 1/2 sum weight * rho(|r|^2) over batches of residuals of parameter
+// blocks. Features are eliminated by the Schur complement, the other blocks are kept: so no residual may
+// hold two features. Knows no vision; every solver consumes this and nothing else.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "holba/geometry/manifold.h"
+#include "holba/problem/residual_batch.h"
+
+namespace holba {
+
+enum class BlockRole : uint8_t { kFeature, kKept };
+
+struct ParameterBlock {
+  std::string_view kind;  // "pose", "point", ...: for messages; a string literal
+  const ManifoldOps* manifold = nullptr;
+  BlockRole role = BlockRole::kKept;
+  bool constant = false;
+  uint32_t held = 0;  // bit i: tangent coordinate i stays as it is
+
+  int FreeTangent() const;
+};
+
+class Problem {
+ public:
+  // `kind` must outlive the problem (a literal).
+  BlockId AddBlock(std::string_view kind, const ManifoldOps& manifold, BlockRole role,
+                   std::span<const double> values);
+  // Refuses (CheckError, naming term and blocks) a batch with a residual of two variable features, or whose
+  // slots do not fit the blocks.
+  void AddBatch(std::unique_ptr<ResidualBatch> batch);
+
+  size_t num_blocks() const { return blocks_.size(); }
+  ParameterBlock& block(BlockId id) { return blocks_[id]; }
+  const ParameterBlock& block(BlockId id) const { return blocks_[id]; }
+  const std::vector<std::unique_ptr<ResidualBatch>>& batches() const { return batches_; }
+
+  double* values(BlockId id) { return state_.data() + offsets_[id]; }
+  const double* values(BlockId id) const { return state_.data() + offsets_[id]; }
+  std::vector<double>& state() { return state_; }
+  const std::vector<double>& state() const { return state_; }
+  ParameterReader Reader() const { return {state_.data(), offsets_.data()}; }
+
+  size_t num_residuals() const;  // blocks of residuals over all batches
+
+ private:
+  std::vector<ParameterBlock> blocks_;
+  std::vector<size_t> offsets_;
+  std::vector<double> state_;
+  std::vector<std::unique_ptr<ResidualBatch>> batches_;
+};
+
+// Costs of one term (its batches together) at one state.
+struct TermCost {
+  std::string term;
+  bool angular = false;
+  size_t residuals = 0;      // residual blocks, absent ones included
+  size_t absent = 0;         // undefined at this state, counting nothing
+  double sum_squares = 0.0;  // of the residual norms, before weight and loss
+  double cost = 0.0;         // half of the weighted, robustified sum
+};
+
+// In the order in which the terms were added. Sums are taken in a fixed order.
+std::vector<TermCost> EvaluateTerms(const Problem& problem);
+
+// Norms of the present residuals of a term; `components`: absolute values of the single components instead.
+std::vector<double> ResidualNorms(const Problem& problem, std::string_view term, bool components);
+
+// Structure of the reduced system, what is left when the features are eliminated.
+struct ReducedSystem {
+  size_t size = 0;              // scalar unknowns
+  double density = 0.0;         // share of its entries that are structurally non-zero
+  double pose_density = 0.0;    // share of the pairs of poses that are coupled (paper, "Schur density")
+  double pose_density_without_wireframe = 0.0;  // the same without the wireframe terms
+};
+ReducedSystem AnalyseReducedSystem(const Problem& problem);
+
+}  // namespace holba

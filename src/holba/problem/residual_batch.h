@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Residuals of one kind form a batch: same dimension, same kinds of blocks in the same slots. A range of
+// them is evaluated in one call, into structure-of-arrays panels.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "holba/problem/loss.h"
+
+namespace holba {
+
+using BlockId = uint32_t;
+
+inline constexpr int kMaxSlots = 4;
+inline constexpr int kMaxResidualDim = 6;
+inline constexpr int kMaxTangent = 16;
+
+// Where a batch reads parameters: of residual i, slot s.
+class ParameterReader {
+ public:
+  // From one state vector; offsets by block id.
+  ParameterReader(const double* state, const size_t* block_offsets)
+      : state_(state), offsets_(block_offsets) {}
+  // A range of one: the blocks of its slots.
+  explicit ParameterReader(const double* const* slots) : slots_(slots) {}
+
+  const double* At(int slot, BlockId block) const {
+    return slots_ ? slots_[slot] : state_ + offsets_[block];
+  }
+
+ private:
+  const double* state_ = nullptr;
+  const size_t* offsets_ = nullptr;
+  const double* const* slots_ = nullptr;
+};
+
+// Entry k of the j-th residual of the range stands at [k * stride + j]; Jacobians are with respect to the
+// tangent of the block's manifold, row-major (entry row * tangent + column).
+struct ResidualPanel {
+  size_t stride = 1;
+  double* residuals = nullptr;
+  std::array<double*, kMaxSlots> jacobians{};  // null: not wanted
+  // False: the residual is undefined here (behind the camera, degenerate projection); its entries are 0.
+  bool* present = nullptr;
+};
+
+class ResidualBatch {
+ public:
+  // tangents: size of the tangent of each slot's block.
+  ResidualBatch(std::string term, int dim, std::vector<int> tangents)
+      : term_(std::move(term)), dim_(dim), tangents_(std::move(tangents)) {}
+  virtual ~ResidualBatch() = default;
+
+  const std::string& term() const { return term_; }
+  int dim() const { return dim_; }
+  int num_slots() const { return static_cast<int>(tangents_.size()); }
+  int tangent(int slot) const { return tangents_[slot]; }
+  size_t size() const { return blocks_.size() / tangents_.size(); }
+  BlockId block(size_t i, int slot) const { return blocks_[i * tangents_.size() + slot]; }
+  std::span<const BlockId> blocks() const { return blocks_; }
+
+  virtual void Evaluate(size_t begin, size_t end, const ParameterReader& parameters,
+                        const ResidualPanel& panel) const = 0;
+
+  Loss loss;
+  double weight = 1.0;
+  // Angular terms are left out of the termination test (paper, "Convergence and Termination").
+  bool angular = false;
+
+ protected:
+  void AddBlocks(std::span<const BlockId> blocks) {
+    blocks_.insert(blocks_.end(), blocks.begin(), blocks.end());
+  }
+
+ private:
+  std::string term_;
+  int dim_;
+  std::vector<int> tangents_;
+  std::vector<BlockId> blocks_;
+};
+
+// A batch of a kernel: one residual is kernel.Evaluate(datum, parameters of its slots, residual, Jacobians),
+// returning whether it is present. Jacobians: row-major dim x tangent, null where not wanted.
+template <typename Kernel>
+class KernelBatch final : public ResidualBatch {
+ public:
+  using Datum = typename Kernel::Datum;
+
+  KernelBatch(std::string term, int dim, std::vector<int> tangents, Kernel kernel)
+      : ResidualBatch(std::move(term), dim, std::move(tangents)), kernel_(std::move(kernel)) {}
+
+  void Add(std::span<const BlockId> blocks, const Datum& datum) {
+    AddBlocks(blocks);
+    data_.push_back(datum);
+  }
+  const Kernel& kernel() const { return kernel_; }
+
+  void Evaluate(size_t begin, size_t end, const ParameterReader& parameters,
+                const ResidualPanel& panel) const override {
+    double residual[kMaxResidualDim];
+    double storage[kMaxSlots][kMaxResidualDim * kMaxTangent];
+    const int slots = num_slots();
+    for (size_t i = begin; i < end; ++i) {
+      const size_t j = i - begin;
+      const double* values[kMaxSlots] = {};
+      double* jacobians[kMaxSlots] = {};
+      const bool direct = panel.stride == 1;  // a range of one: the kernel writes where it is wanted
+      for (int s = 0; s < slots; ++s) {
+        values[s] = parameters.At(s, block(i, s));
+        if (panel.jacobians[s]) jacobians[s] = direct ? panel.jacobians[s] : storage[s];
+      }
+      double* r = direct ? panel.residuals : residual;
+      const bool present = kernel_.Evaluate(data_[i], values, r, jacobians);
+      panel.present[j] = present;
+      if (!present) {
+        for (int k = 0; k < dim(); ++k) panel.residuals[k * panel.stride + j] = 0.0;
+      } else if (!direct) {
+        for (int k = 0; k < dim(); ++k) panel.residuals[k * panel.stride + j] = r[k];
+      }
+      for (int s = 0; s < slots; ++s) {
+        if (!jacobians[s] || (direct && present)) continue;
+        for (int k = 0; k < dim() * tangent(s); ++k) {
+          panel.jacobians[s][k * panel.stride + j] = present ? jacobians[s][k] : 0.0;
+        }
+      }
+    }
+  }
+
+ private:
+  Kernel kernel_;
+  std::vector<Datum> data_;
+};
+
+}  // namespace holba

@@ -1,0 +1,320 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/solver/ceres/ceres_backend.h"
+
+#include <ceres/ceres.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+
+#include "holba/base/threads.h"
+#include "holba/base/timer.h"
+#include "holba/solver/ceres/ceres_adapters.h"
+
+namespace holba {
+namespace {
+
+// COLMAP's bounds on the number of frames.
+constexpr size_t kMaxFramesDense = 50;
+constexpr size_t kMaxFramesSparse = 1000;
+// Below, more threads cost more than they give (COLMAP).
+constexpr size_t kMinResidualsForThreads = 50000;
+// From here LAPACK's blocked factorisation beats Eigen's.
+constexpr size_t kMinSizeLapack = 600;
+
+// Everything that must outlive the Ceres problem.
+struct CeresProblem {
+  ceres::Problem problem;
+  std::vector<std::unique_ptr<ceres::Manifold>> manifolds;
+  std::vector<std::unique_ptr<ceres::LossFunction>> losses;
+  std::vector<std::unique_ptr<CeresResidual>> residuals;
+  std::vector<ResidualMemory> memories;  // by batch
+  size_t num_variable_frames = 0;
+  int num_scalar_residuals = 0;
+
+  CeresProblem() : problem(Options()) {}
+  static ceres::Problem::Options Options() {
+    ceres::Problem::Options options;
+    options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    options.disable_all_safety_checks = true;
+    return options;
+  }
+};
+
+// Brings the memory up to date with the problem's state; residuals absent there keep what they had.
+void Remember(const Problem& problem, std::vector<ResidualMemory>* memories) {
+  memories->resize(problem.batches().size());
+  const ParameterReader reader = problem.Reader();
+  for (size_t b = 0; b < problem.batches().size(); ++b) {
+    const ResidualBatch& batch = *problem.batches()[b];
+    ResidualMemory& memory = (*memories)[b];
+    const int dim = batch.dim();
+    memory.values.resize(batch.size() * dim);
+    memory.known.resize(batch.size());
+    for (size_t i = 0; i < batch.size(); ++i) {
+      double residual[kMaxResidualDim];
+      bool present = false;
+      ResidualPanel panel;
+      panel.residuals = residual;
+      panel.present = &present;
+      batch.Evaluate(i, i + 1, reader, panel);
+      if (!present) continue;
+      std::copy_n(residual, dim, &memory.values[i * dim]);
+      memory.known[i] = 1;
+    }
+  }
+}
+
+// Blocks without variable residuals are left out: Ceres would drop them anyway.
+void Fill(Problem& problem, CeresProblem* out, ceres::ParameterBlockOrdering* ordering) {
+  Remember(problem, &out->memories);
+  std::map<std::pair<const ManifoldOps*, uint32_t>, ceres::Manifold*> manifolds;
+  std::vector<uint8_t> added(problem.num_blocks(), 0);
+  const auto add_block = [&](BlockId id) {
+    if (added[id]) return;
+    added[id] = 1;
+    const ParameterBlock& block = problem.block(id);
+    const ManifoldOps& ops = *block.manifold;
+    double* values = problem.values(id);
+    out->problem.AddParameterBlock(values, ops.ambient);
+    if (block.FreeTangent() == 0) {
+      out->problem.SetParameterBlockConstant(values);
+      return;
+    }
+    if (ops.ambient != ops.tangent || block.held) {
+      ceres::Manifold*& manifold = manifolds[{&ops, block.held}];
+      if (!manifold) {
+        out->manifolds.push_back(std::make_unique<CeresManifold>(ops, block.held));
+        manifold = out->manifolds.back().get();
+      }
+      out->problem.SetManifold(values, manifold);
+    }
+    ordering->AddElementToGroup(values, block.role == BlockRole::kFeature ? 0 : 1);
+    out->num_variable_frames += block.kind == "pose";
+  };
+  for (size_t b = 0; b < problem.batches().size(); ++b) {
+    const ResidualBatch& batch = *problem.batches()[b];
+    out->losses.push_back(std::make_unique<CeresLoss>(batch.loss, batch.weight));
+    ceres::LossFunction* loss = out->losses.back().get();
+    if (batch.loss.type == LossType::kTrivial && batch.weight == 1.0) loss = nullptr;
+    std::vector<double*> parameters(batch.num_slots());
+    for (size_t i = 0; i < batch.size(); ++i) {
+      bool variable = false;
+      for (int s = 0; s < batch.num_slots(); ++s) {
+        variable |= problem.block(batch.block(i, s)).FreeTangent() > 0;
+      }
+      if (!variable) continue;
+      for (int s = 0; s < batch.num_slots(); ++s) {
+        add_block(batch.block(i, s));
+        parameters[s] = problem.values(batch.block(i, s));
+      }
+      out->residuals.push_back(
+          std::make_unique<CeresResidual>(problem, batch, i, &out->memories[b]));
+      out->problem.AddResidualBlock(out->residuals.back().get(), loss, parameters);
+      out->num_scalar_residuals += batch.dim();
+    }
+  }
+}
+
+// Costs per term from the remembered residuals of the last accepted state.
+std::vector<TermCost> TermsFromMemory(const Problem& problem,
+                                      const std::vector<ResidualMemory>& memories) {
+  std::vector<TermCost> terms;
+  for (size_t b = 0; b < problem.batches().size(); ++b) {
+    const ResidualBatch& batch = *problem.batches()[b];
+    auto it = std::find_if(terms.begin(), terms.end(),
+                           [&](const TermCost& t) { return t.term == batch.term(); });
+    if (it == terms.end()) it = terms.insert(it, TermCost{batch.term(), batch.angular});
+    for (size_t i = 0; i < batch.size(); ++i) {
+      ++it->residuals;
+      if (!memories[b].known[i]) {
+        ++it->absent;
+        continue;
+      }
+      double s = 0.0;
+      for (int k = 0; k < batch.dim(); ++k) {
+        const double r = memories[b].values[i * batch.dim() + k];
+        s += r * r;
+      }
+      it->sum_squares += s;
+      it->cost += 0.5 * batch.weight * batch.loss.Cost(s);
+    }
+  }
+  return terms;
+}
+
+// The paper's termination: relative change of the cost without the angular terms.
+class IterationWatch final : public ceres::IterationCallback {
+ public:
+  IterationWatch(const SolverOptions& options, const Problem& problem,
+                 const std::vector<ResidualMemory>& memories, SolverSummary* summary)
+      : options_(options), problem_(problem), memories_(memories), summary_(summary) {}
+
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& it) override {
+    IterationRecord record;
+    record.iteration = it.iteration;
+    record.accepted = it.iteration == 0 || it.step_is_successful;
+    record.cost = it.cost;
+    record.cost_change = it.cost_change;
+    record.gradient_max_norm = it.gradient_max_norm;
+    record.step_norm = it.step_norm;
+    record.trust_radius = it.trust_region_radius;
+    record.seconds = it.iteration_time_in_seconds;
+    record.terms = TermsFromMemory(problem_, memories_);
+    if (it.iteration > 0) {
+      summary_->iteration_seconds.push_back(record.seconds);
+      summary_->accepted_steps += record.accepted;
+    }
+    if (options_.on_iteration && !options_.on_iteration(record)) {
+      summary_->stop_reason = StopReason::kCallback;
+      return ceres::SOLVER_ABORT;
+    }
+    double watched = 0.0;
+    for (const TermCost& term : record.terms) {
+      if (!term.angular || options_.termination_counts_angular) watched += term.cost;
+    }
+    const double before = watched_;
+    watched_ = watched;
+    if (it.iteration == 0 || !record.accepted) return ceres::SOLVER_CONTINUE;
+    if (std::abs(before - watched) <= options_.function_tolerance * before) {
+      summary_->stop_reason = StopReason::kConverged;
+      summary_->message = "the cost of the terms in pixels changes less than function_tolerance";
+      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+    }
+    return ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const SolverOptions& options_;
+  const Problem& problem_;
+  const std::vector<ResidualMemory>& memories_;
+  SolverSummary* summary_;
+  double watched_ = 0.0;
+};
+
+ceres::Solver::Options ToCeres(const SolverOptions& options, const CeresProblem& problem,
+                               size_t reduced_size, SolverSummary* summary) {
+  ceres::Solver::Options ceres_options;
+  LinearSolver linear = options.linear_solver;
+  if (linear == LinearSolver::kAuto) {
+    linear = problem.num_variable_frames <= kMaxFramesDense    ? LinearSolver::kDense
+             : problem.num_variable_frames <= kMaxFramesSparse ? LinearSolver::kSparse
+                                                               : LinearSolver::kIterative;
+  }
+  switch (linear) {
+    case LinearSolver::kAuto:
+    case LinearSolver::kDense: {
+      const bool lapack = reduced_size >= kMinSizeLapack &&
+                          ceres::IsDenseLinearAlgebraLibraryTypeAvailable(ceres::LAPACK);
+      ceres_options.linear_solver_type = ceres::DENSE_SCHUR;
+      ceres_options.dense_linear_algebra_library_type = lapack ? ceres::LAPACK : ceres::EIGEN;
+      summary->linear_solver = lapack ? "DENSE_SCHUR (LAPACK)" : "DENSE_SCHUR (Eigen)";
+      break;
+    }
+    case LinearSolver::kSparse:
+      ceres_options.linear_solver_type = ceres::SPARSE_SCHUR;
+      if (ceres::IsSparseLinearAlgebraLibraryTypeAvailable(ceres::SUITE_SPARSE)) {
+        ceres_options.sparse_linear_algebra_library_type = ceres::SUITE_SPARSE;
+        summary->linear_solver = "SPARSE_SCHUR (SuiteSparse)";
+      } else {
+        ceres_options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
+        summary->linear_solver = "SPARSE_SCHUR (Eigen)";
+      }
+      break;
+    case LinearSolver::kIterative:
+      ceres_options.linear_solver_type = ceres::ITERATIVE_SCHUR;
+      ceres_options.preconditioner_type = ceres::SCHUR_JACOBI;
+      summary->linear_solver = "ITERATIVE_SCHUR (SCHUR_JACOBI)";
+      break;
+  }
+  ceres_options.num_threads =
+      options.num_threads == -1 &&
+              static_cast<size_t>(problem.num_scalar_residuals) < kMinResidualsForThreads
+          ? 1
+          : NumThreads(options.num_threads);
+  ceres_options.max_num_iterations = options.max_num_iterations;
+  ceres_options.max_linear_solver_iterations = options.max_linear_solver_iterations;
+  ceres_options.max_solver_time_in_seconds = options.max_seconds;
+  ceres_options.function_tolerance = 0.0;  // IterationWatch decides
+  ceres_options.gradient_tolerance = options.gradient_tolerance;
+  ceres_options.parameter_tolerance = options.parameter_tolerance;
+  ceres_options.initial_trust_region_radius = options.initial_trust_radius;
+  ceres_options.max_num_consecutive_invalid_steps = 10;
+  ceres_options.logging_type = ceres::SILENT;
+  return ceres_options;
+}
+
+StopReason ReasonOf(const ceres::Solver::Summary& ceres_summary, const SolverOptions& options) {
+  if (ceres_summary.termination_type == ceres::CONVERGENCE) return StopReason::kConverged;
+  if (ceres_summary.termination_type == ceres::NO_CONVERGENCE) {
+    return ceres_summary.total_time_in_seconds >= options.max_seconds ? StopReason::kMaxTime
+                                                                      : StopReason::kMaxIterations;
+  }
+  return StopReason::kNoStep;
+}
+
+}  // namespace
+
+SolverSummary SolveWithCeres(const SolverOptions& options, Problem* problem) {
+  const Timer timer;
+  SolverSummary summary;
+  summary.backend = "ceres";
+  summary.reduced_system = AnalyseReducedSystem(*problem);
+
+  CeresProblem ceres_problem;
+  const auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  Fill(*problem, &ceres_problem, ordering.get());
+  summary.initial_terms = TermsFromMemory(*problem, ceres_problem.memories);
+  for (const TermCost& term : summary.initial_terms) summary.initial_cost += term.cost;
+  summary.final_terms = summary.initial_terms;
+  summary.final_cost = summary.initial_cost;
+  summary.build_seconds = timer.Seconds();
+  if (ordering->NumElements() == 0) {
+    summary.total_seconds = timer.Seconds();
+    return summary;
+  }
+
+  ceres::Solver::Options ceres_options =
+      ToCeres(options, ceres_problem, summary.reduced_system.size, &summary);
+  // A Schur solver needs both groups; with only one there is nothing to eliminate from.
+  if (ordering->NumGroups() == 2) {
+    ceres_options.linear_solver_ordering = ordering;
+  } else if (ceres_options.linear_solver_type == ceres::DENSE_SCHUR && ordering->GroupSize(1) > 0) {
+    ceres_options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    summary.linear_solver = "DENSE_NORMAL_CHOLESKY";
+  } else {
+    ceres_options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    summary.linear_solver = "SPARSE_NORMAL_CHOLESKY";
+  }
+  summary.num_threads = ceres_options.num_threads;
+  summary.stop_reason = StopReason::kMaxIterations;
+  IterationWatch watch(options, *problem, ceres_problem.memories, &summary);
+  ceres_options.callbacks.push_back(&watch);
+
+  ceres::Solver::Summary ceres_summary;
+  ceres::Solve(ceres_options, &ceres_problem.problem, &ceres_summary);
+
+  if (ceres_summary.termination_type != ceres::USER_SUCCESS &&
+      ceres_summary.termination_type != ceres::USER_FAILURE) {
+    summary.stop_reason = ReasonOf(ceres_summary, options);
+    summary.message = ceres_summary.message;
+  }
+  Remember(*problem, &ceres_problem.memories);
+  summary.final_terms = TermsFromMemory(*problem, ceres_problem.memories);
+  const std::vector<TermCost> terms_now = EvaluateTerms(*problem);
+  for (size_t t = 0; t < terms_now.size(); ++t) summary.final_terms[t].absent = terms_now[t].absent;
+  summary.final_cost = 0.0;
+  for (const TermCost& term : summary.final_terms) summary.final_cost += term.cost;
+  summary.iterations = static_cast<int>(summary.iteration_seconds.size());
+  summary.linearise_seconds =
+      ceres_summary.jacobian_evaluation_time_in_seconds + ceres_summary.residual_evaluation_time_in_seconds;
+  summary.eliminate_seconds = ceres_summary.linear_solver_time_in_seconds;
+  summary.build_seconds += ceres_summary.preprocessor_time_in_seconds;
+  summary.total_seconds = timer.Seconds();
+  return summary;
+}
+
+}  // namespace holba

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/solver/solver.h"
+
+#include <algorithm>
+
+#include "holba/solver/ceres/ceres_backend.h"
+
+namespace holba {
+
+void SolverOptions::Describe(OptionTable* table) {
+  table->Section("Solver");
+  table->Choice("backend", &backend, {{"ceres", Backend::kCeres}}, "Which solver does the work.");
+  table->Choice("linear_solver", &linear_solver,
+                {{"auto", LinearSolver::kAuto},
+                 {"dense", LinearSolver::kDense},
+                 {"sparse", LinearSolver::kSparse},
+                 {"iterative", LinearSolver::kIterative}},
+                "How the reduced system is solved; auto: dense up to 50 frames, sparse up to 1000, then iterative.");
+  table->Field("num_threads", &num_threads, AtLeast(-1),
+               "Threads; -1: one below 50000 residuals, else all. Ceres repeats bit for bit only with 1.");
+  table->Field("max_num_iterations", &max_num_iterations, AtLeast(0), "Most iterations.");
+  table->Field("max_linear_solver_iterations", &max_linear_solver_iterations, AtLeast(1),
+               "Most conjugate gradient steps of the iterative solver in one iteration.");
+  table->Field("max_seconds", &max_seconds, GreaterThan(0), "Most wall time of one adjustment, seconds.");
+  table->Field("function_tolerance", &function_tolerance, AtLeast(0),
+               "Converged when the cost of the terms in pixels changes less than this share of itself; 0: off.");
+  table->Field("gradient_tolerance", &gradient_tolerance, AtLeast(0),
+               "Converged when no entry of the gradient is larger (COLMAP: 1e-4); 0: off.");
+  table->Field("parameter_tolerance", &parameter_tolerance, AtLeast(0),
+               "Converged when the step is shorter than this share of the state; 0: off.");
+  table->Field("initial_trust_radius", &initial_trust_radius, GreaterThan(0),
+               "Trust region radius of the first step; the damping is its inverse.");
+  table->Field("termination_counts_angular", &termination_counts_angular,
+               "Whether angular terms count in function_tolerance (the paper leaves them out).");
+}
+
+std::string NameOf(StopReason reason) {
+  switch (reason) {
+    case StopReason::kConverged: return "converged";
+    case StopReason::kMaxIterations: return "max_num_iterations";
+    case StopReason::kMaxTime: return "max_seconds";
+    case StopReason::kNoStep: return "no_step_improves";
+    case StopReason::kCallback: return "stopped_by_caller";
+    case StopReason::kNothingToDo: return "nothing_to_adjust";
+  }
+  return "";
+}
+
+double SolverSummary::MedianIterationSeconds() const {
+  if (iteration_seconds.empty()) return 0.0;
+  std::vector<double> sorted = iteration_seconds;
+  const size_t middle = sorted.size() / 2;
+  std::nth_element(sorted.begin(), sorted.begin() + middle, sorted.end());
+  return sorted[middle];
+}
+
+SolverSummary Solve(const SolverOptions& options, Problem* problem) {
+  switch (options.backend) {
+    case Backend::kCeres: return SolveWithCeres(options, problem);
+  }
+  return {};
+}
+
+}  // namespace holba

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Solvers of a Problem: Levenberg-Marquardt on the reduced system of the kept blocks.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "holba/base/options.h"
+#include "holba/problem/problem.h"
+
+namespace holba {
+
+enum class Backend { kCeres };
+// How the reduced system is solved; automatic: by the number of kept blocks (COLMAP's bounds).
+enum class LinearSolver { kAuto, kDense, kSparse, kIterative };
+
+struct IterationRecord {
+  int iteration = 0;  // 0: the start
+  bool accepted = true;
+  double cost = 0.0;
+  std::vector<TermCost> terms;  // at the last accepted state
+  double cost_change = 0.0;
+  double gradient_max_norm = 0.0;
+  double step_norm = 0.0;
+  double trust_radius = 0.0;  // the damping is its inverse
+  double seconds = 0.0;       // this iteration
+};
+
+struct SolverOptions {
+  Backend backend = Backend::kCeres;
+  LinearSolver linear_solver = LinearSolver::kAuto;
+  int num_threads = -1;
+  int max_num_iterations = 100;
+  int max_linear_solver_iterations = 200;
+  double max_seconds = 1e9;
+  double function_tolerance = 1e-6;
+  double gradient_tolerance = 1e-10;
+  double parameter_tolerance = 1e-8;
+  double initial_trust_radius = 1e4;
+  // Whether the angular terms count in the function tolerance.
+  bool termination_counts_angular = false;
+
+  // Called after every iteration; return false to stop there.
+  std::function<bool(const IterationRecord&)> on_iteration;
+
+  void Describe(OptionTable* table);
+};
+
+enum class StopReason { kConverged, kMaxIterations, kMaxTime, kNoStep, kCallback, kNothingToDo };
+std::string NameOf(StopReason reason);
+
+struct SolverSummary {
+  std::string backend;
+  std::string linear_solver;  // that was used, with its library
+  int num_threads = 1;
+  StopReason stop_reason = StopReason::kNothingToDo;
+  std::string message;
+  int iterations = 0;  // steps tried
+  int accepted_steps = 0;
+  double initial_cost = 0.0, final_cost = 0.0;
+  std::vector<TermCost> initial_terms, final_terms;
+  // Seconds. Ceres does not tell its linear solver's parts apart: eliminate then holds all of it and
+  // factorise and back_substitute are negative (unknown).
+  double build_seconds = 0.0, linearise_seconds = 0.0, eliminate_seconds = 0.0, factorise_seconds = -1.0,
+         back_substitute_seconds = -1.0, total_seconds = 0.0;
+  std::vector<double> iteration_seconds;  // of the steps tried
+  ReducedSystem reduced_system;
+
+  double MedianIterationSeconds() const;
+};
+
+// Minimises the cost from problem->state() on and leaves the best state found there.
+SolverSummary Solve(const SolverOptions& options, Problem* problem);
+
+}  // namespace holba

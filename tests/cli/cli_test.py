@@ -1,0 +1,367 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""The holba program as a user meets it. Environment: HOLBA, path of the program; HOLBA_VERSION, its version;
+OLD_OPENBLAS, path of the library old_openblas."""
+
+import json
+import math
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+
+from small_model import SMALL_MODEL, write_small_model
+
+HOLBA = os.environ["HOLBA"]
+
+
+def holba(*words, **kwargs) -> subprocess.CompletedProcess:
+    return subprocess.run([HOLBA, *map(str, words)], capture_output=True, text=True, timeout=120,
+                          **kwargs)
+
+
+def records(path: pathlib.Path) -> list[str]:
+    """The lines of a text file of a model that are not comments. An empty line may be a record."""
+    return [line for line in path.read_text().split("\n") if not line.startswith("#")]
+
+
+def tree(folder: pathlib.Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*"))
+            if p.is_file()}
+
+
+class Case(unittest.TestCase):
+    def setUp(self):
+        self._temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(self._temporary.cleanup)
+        self.folder = pathlib.Path(self._temporary.name)
+        self.model = self.folder / "model"
+        write_small_model(self.model)
+
+    def succeeds(self, *words, **kwargs) -> str:
+        result = holba(*words, **kwargs)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return result.stdout
+
+    def refuses(self, *words) -> str:
+        """The one message of a run that must fail for what its user did."""
+        result = holba(*words)
+        self.assertEqual(result.returncode, 1, (words, result.stdout, result.stderr))
+        self.assertEqual(result.stdout, "")
+        message = result.stderr
+        self.assertTrue(message.endswith("\n"))
+        self.assertEqual(message.count("\n"), 1, message)
+        self.assertNotIn("internal error", message)
+        return message
+
+
+def command_names() -> list[str]:
+    listing = holba("help").stdout.split("Commands:\n")[1].split("\n\n")[0]
+    return [line.split()[0] for line in listing.split("\n")]
+
+
+class Help(Case):
+    def test_no_word_help_and_dash_dash_help_say_the_same(self):
+        texts = {self.succeeds(), self.succeeds("help"), self.succeeds("--help")}
+        self.assertEqual(len(texts), 1)
+        for name in ("convert", "transform"):
+            self.assertIn(name, command_names())
+
+    def test_version(self):
+        self.assertEqual(self.succeeds("--version"), f"holba {os.environ['HOLBA_VERSION']}\n")
+
+    def test_help_of_every_command_is_complete(self):
+        names = command_names()
+        self.assertEqual(len(names), len(set(names)))
+        for name in names:
+            text = self.succeeds(name, "--help")
+            self.assertEqual(text, self.succeeds("help", name))
+            self.assertIn(f"Usage: holba {name}", text)
+            options = re.findall(r"^  --(\S+)(.*)\n      (.*)$", text, re.MULTILINE)
+            named = [option[0] for option in options]
+            self.assertEqual(len(named), len(re.findall(r"^  --", text, re.MULTILINE)), name)
+            for common in ("config", "log_level", "quiet", "help"):
+                self.assertIn(common, named)
+            for option, facts, sentence in options:
+                self.assertRegex(option, r"^([A-Z][A-Za-z]*\.)?[A-Za-z0-9_]+$", name)
+                self.assertTrue(sentence.endswith("."), (name, option, sentence))
+                if option not in ("quiet", "help", "json"):
+                    self.assertRegex(facts, r"^ \S+  \((required|default: .*)\)$", (name, option))
+
+    def test_the_readme_lists_exactly_the_commands_that_exist(self):
+        readme = (pathlib.Path(__file__).parents[2] / "README.md").read_text()
+        table = readme.split("## Commands")[1].split("## ")[0]
+        self.assertEqual(sorted(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)),
+                         sorted(command_names()))
+
+    def test_required_options_are_required(self):
+        for name in command_names():
+            text = holba(name, "--help").stdout
+            if re.search(r"^  --\S+ .*\(required", text, re.MULTILINE):
+                self.assertIn("is required", self.refuses(name))
+
+
+class Errors(Case):
+    def test_unknown_command_names_the_nearest(self):
+        self.assertIn("did you mean 'convert'?", self.refuses("convret"))
+        self.assertIn("unknown command 'qqqqqqq'", self.refuses("qqqqqqq"))
+        self.assertIn("unknown command", self.refuses("help", "qqqqqqq"))
+        self.assertIn("expected a command", self.refuses("--input_path", "x"))
+
+    def test_bad_words_are_refused_and_leave_the_output_untouched(self):
+        output = self.folder / "output"
+        output.mkdir()
+        (output / "mine").write_text("untouched")
+        before = tree(output)
+        paths = ("--input_path", self.model, "--output_path", output)
+        for words, part in [
+                (("convert", *paths, "--output_tpye", "txt"), "did you mean '--output_type'?"),
+                (("convert", *paths, "--output_type", "doc"), "one of txt|bin|ply"),
+                (("convert", *paths, "--output_type"), "--output_type"),
+                (("convert", *paths, "stray"), "unexpected argument 'stray'"),
+                (("convert", "--output_path", output), "--input_path is required"),
+                (("convert", "--input_path", self.model), "--output_path is required"),
+                (("convert", "--input_path", "", "--output_path", output), "--input_path needs"),
+                (("transform", *paths, "--scale", "0"), "greater than 0"),
+                (("transform", *paths, "--scale", "large"), "'large'"),
+                (("transform", *paths, "--scale", "nan"), "'nan'"),
+                (("transform", *paths, "--rotation", "1,0,0"), "4 numbers"),
+                (("transform", *paths, "--rotation", "0,0,0,0"), "zero quaternion"),
+                (("transform", *paths, "--translation", "1,2,"), "1,2,"),
+                (("transform", *paths, "--scale", "2", "--transform_path", "t"), "--transform_path"),
+                (("transform", *paths, "--transform_path", self.folder / "no.json"), "no.json"),
+                (("transform", *paths, "--log_level", "loud"), "debug|info|warning|error|off"),
+        ]:
+            with self.subTest(words=words[0], part=part):
+                self.assertIn(part, self.refuses(*words))
+                self.assertEqual(tree(output), before)
+
+    def test_a_missing_input_is_named(self):
+        absent = self.folder / "absent"
+        output = self.folder / "output"
+        for command in ("convert", "transform"):
+            message = self.refuses(command, "--input_path", absent, "--output_path", output)
+            self.assertIn(str(absent), message)
+            self.assertFalse(output.exists())
+
+    def test_a_damaged_input_is_named_with_its_place_and_the_output_stays(self):
+        lines = (self.model / "points3D.txt").read_text().split("\n")
+        number = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+        lines[number] = lines[number].replace(" ", " x", 1)
+        (self.model / "points3D.txt").write_text("\n".join(lines))
+        output = self.folder / "output"
+        message = self.refuses("convert", "--input_path", self.model, "--output_path", output)
+        self.assertIn(f"points3D.txt:{number + 1}", message)
+        self.assertFalse(output.exists())
+
+    def test_an_output_that_cannot_be_made_is_named(self):
+        (self.folder / "file").write_text("")
+        output = self.folder / "file" / "output"
+        message = self.refuses("convert", "--input_path", self.model, "--output_path", output)
+        self.assertIn(str(self.folder / "file"), message)
+
+    def test_a_result_that_cannot_be_printed_is_a_failure(self):
+        with open("/dev/full", "w") as full:
+            result = subprocess.run([HOLBA, "help"], stdout=full, stderr=subprocess.PIPE, text=True)
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("standard output", result.stderr)
+
+
+class Config(Case):
+    def config(self, text: str) -> pathlib.Path:
+        path = self.folder / "holba.ini"
+        path.write_text(text)
+        return path
+
+    def test_the_command_line_overrides_the_file_and_the_file_the_default(self):
+        output = self.folder / "output"
+        config = self.config(f"input_path = {self.model}\noutput_path = {output}\noutput_type = txt\n")
+        self.succeeds("convert", "--config", config)
+        self.assertTrue((output / "cameras.txt").exists())
+        other = self.folder / "other"
+        self.succeeds("convert", "--config", config, "--output_path", other, "--output_type", "bin")
+        self.assertTrue((other / "cameras.bin").exists())
+        self.assertFalse((other / "cameras.txt").exists())
+
+    def test_a_fault_in_the_file_is_named_with_its_line(self):
+        output = self.folder / "output"
+        paths = f"input_path = {self.model}\noutput_path = {output}\n"
+        for text, part in [(paths + "\noutput_tpye = txt\n", "holba.ini:4: unknown option"),
+                           (paths + "[Section]\noutput_type = txt\n", "holba.ini:4: unknown option"),
+                           (paths + "output_type = doc\n", "holba.ini:3: "),
+                           (paths + "nonsense\n", "holba.ini:3: expected")]:
+            self.assertIn(part, self.refuses("convert", "--config", self.config(text)))
+            self.assertFalse(output.exists())
+
+
+class Convert(Case):
+    def convert(self, source: pathlib.Path, kind: str, name: str) -> pathlib.Path:
+        output = self.folder / name
+        self.succeeds("convert", "--input_path", source, "--output_path", output,
+                      "--output_type", kind)
+        return output
+
+    def test_text_to_binary_to_text_loses_nothing(self):
+        binary = self.convert(self.model, "bin", "binary")
+        text = self.convert(binary, "txt", "text")
+        again = self.convert(text, "bin", "again")
+        for name in SMALL_MODEL:
+            self.assertFalse((binary / f"{name}.txt").exists())
+            self.assertEqual(records(text / f"{name}.txt"), records(self.model / f"{name}.txt"), name)
+        self.assertEqual(tree(binary), tree(again))
+        for folder in (binary, text):
+            frame = json.loads((folder / "holistic.json").read_text())
+            self.assertEqual(frame["format"], 1)
+            self.assertEqual(frame["frame"]["num_images"], 2)
+            # Camera centres (0, 0, 0) and (1, 0, 0).
+            for found, expected in zip(frame["frame"]["centroid"], (0.5, 0.0, 0.0)):
+                self.assertAlmostEqual(found, expected, places=12)
+            self.assertAlmostEqual(frame["frame"]["spread"], 0.5, places=12)
+
+    def test_ply_holds_the_points_and_lines(self):
+        path = self.convert(self.model, "ply", "model.ply")
+        header = path.read_bytes().split(b"end_header\n")[0].decode()
+        self.assertTrue(header.startswith("ply\n"))
+        self.assertRegex(header, r"element vertex \d+\n")
+
+    def test_results_are_silent_on_stdout_and_quiet_on_stderr(self):
+        result = holba("convert", "--input_path", self.model, "--output_path", self.folder / "o",
+                       "--quiet")
+        self.assertEqual((result.returncode, result.stdout, result.stderr), (0, "", ""))
+
+    def test_the_output_may_be_the_input(self):
+        before = {name: records(self.model / f"{name}.txt") for name in SMALL_MODEL}
+        self.succeeds("convert", "--input_path", self.model, "--output_path", self.model,
+                      "--output_type", "txt")
+        self.assertEqual(before, {name: records(self.model / f"{name}.txt") for name in SMALL_MODEL})
+
+
+class Transform(Case):
+    def transform(self, source: pathlib.Path, name: str, *words) -> pathlib.Path:
+        output = self.folder / name
+        self.printed = self.succeeds("transform", "--input_path", source, "--output_path", output,
+                                     "--output_type", "txt", *words)
+        return output
+
+    @staticmethod
+    def numbers(folder: pathlib.Path, name: str) -> list[list[float]]:
+        return [[float(word) for word in line.split() if re.match(r"^[-+.\d]", word)]
+                for line in records(folder / f"{name}.txt") if line]
+
+    def assert_same_numbers(self, a: pathlib.Path, b: pathlib.Path):
+        for name in SMALL_MODEL:
+            for x, y in zip(self.numbers(a, name), self.numbers(b, name), strict=True):
+                self.assertEqual(len(x), len(y))
+                for u, v in zip(x, y):
+                    self.assertAlmostEqual(u, v, places=10, msg=name)
+
+    def test_points_move_by_the_similarity(self):
+        # A quarter turn about z: (x, y, z) -> (-y, x, z).
+        moved = self.transform(self.model, "moved", "--scale", 2, "--rotation", "1,0,0,1",
+                               "--translation", "1,-2,3")
+        for old, new in zip(self.numbers(self.model, "points3D"), self.numbers(moved, "points3D")):
+            x, y, z = old[1:4]
+            for found, expected in zip(new[1:4], (-2 * y + 1, 2 * x - 2, 2 * z + 3)):
+                self.assertAlmostEqual(found, expected, places=12)
+
+    def test_the_inverse_undoes_it_everywhere(self):
+        there = self.transform(self.model, "there", "--scale", 4, "--rotation", "0,1,0,0",
+                               "--translation", "1,2,3")
+        # R = diag(1, -1, -1): x = R (y - t) / 4.
+        (self.folder / "back.json").write_text(json.dumps(
+            {"scale": 0.25, "rotation": [0, -1, 0, 0], "translation": [-0.25, 0.5, 0.75]}))
+        back = self.transform(there, "back", "--transform_path", self.folder / "back.json")
+        self.assert_same_numbers(back, self.model)
+
+    def test_the_printed_similarity_is_what_was_applied(self):
+        moved = self.transform(self.model, "moved", "--normalize", 1, "--scale", 3, "--json")
+        printed = json.loads(self.printed)
+        (self.folder / "t.json").write_text(self.printed)
+        again = self.transform(self.model, "again", "--transform_path", self.folder / "t.json")
+        self.assert_same_numbers(moved, again)
+        # Centres (0, 0, 0) and (1, 0, 0) are 1 apart; normalised 10, then 3 times that.
+        self.assertAlmostEqual(printed["scale"], 30.0, places=12)
+        self.assertAlmostEqual(printed["translation"][0], -15.0, places=12)
+
+    def test_bad_files_are_refused(self):
+        path = self.folder / "t.json"
+        output = self.folder / "output"
+        for text, part in [('{"scale": 0}', "greater than 0"), ('{"scala": 1}', "'scala'"),
+                           ('{"rotation": [1, 0]}', "4 numbers"), ("[1]", "JSON object"),
+                           ('{"scale": "big"}', "t.json"), ("{", "t.json")]:
+            path.write_text(text)
+            self.assertIn(part, self.refuses("transform", "--input_path", self.model,
+                                             "--output_path", output, "--transform_path", path))
+            self.assertFalse(output.exists())
+
+
+class Blas(Case):
+    def start(self, **variables) -> tuple[int, str]:
+        """With an old OpenBLAS: how often the program started, and what it says of the kernels."""
+        environment = {name: value for name, value in os.environ.items()
+                       if not name.startswith(("OPENBLAS_", "OMP_", "GOTO_"))}
+        starts = self.folder / "starts"
+        starts.write_text("")
+        environment |= {"LD_PRELOAD": os.environ["OLD_OPENBLAS"], "OLD_OPENBLAS_STARTS": str(starts)}
+        result = holba("convert", "--input_path", self.model, "--output_path", self.folder / "a b",
+                       "--log_level", "debug", env=environment | variables)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertTrue((self.folder / "a b" / "cameras.bin").exists())
+        core = re.search(r"OPENBLAS_CORETYPE=(\w+)", result.stderr)
+        return starts.read_text().count("start"), core[1] if core else ""
+
+    def test_kernels_older_than_the_cpu_are_replaced_by_one_new_start(self):
+        flags = set(re.search(r"^flags\s*: (.*)$", pathlib.Path("/proc/cpuinfo").read_text(),
+                              re.MULTILINE)[1].split())
+        if {"avx512f", "avx512cd", "avx512dq", "avx512bw", "avx512vl", "avx2", "fma"} <= flags:
+            expected = "SKYLAKEX"
+        elif {"avx2", "fma"} <= flags:
+            expected = "HASWELL"
+        else:
+            self.assertEqual(self.start(), (1, ""))
+            return
+        # The second start does not ask: the variable is set.
+        self.assertEqual(self.start(), (1, expected))
+
+    def test_a_choice_of_the_user_stays(self):
+        self.assertEqual(self.start(OPENBLAS_CORETYPE="Nehalem"), (0, "Nehalem"))
+
+
+class Signals(Case):
+    def test_an_interrupted_run_leaves_the_old_output_or_a_whole_new_one(self):
+        # Many points make the run long enough that interrupts fall before, into and after the writing.
+        points = ["# many"] + [f"{i} {i / 7!r} {math.sin(i)!r} 5 1 2 3 -1" for i in range(1, 120001)]
+        big = self.folder / "big"
+        write_small_model(big, {"points3D": "\n".join(points) + "\n"})
+        old = tree(self.model)
+        arguments = [HOLBA, "convert", "--input_path", str(big), "--output_type", "txt", "--quiet"]
+        whole = self.folder / "whole"
+        begin = time.monotonic()
+        self.succeeds(*arguments[1:], "--output_path", whole)
+        seconds = time.monotonic() - begin
+        new = tree(whole)
+        interrupted = 0
+        for step in range(16):
+            work = self.folder / f"work{step}"
+            output = work / "output"
+            for name, content in old.items():
+                (output / name).parent.mkdir(parents=True, exist_ok=True)
+                (output / name).write_bytes(content)
+            process = subprocess.Popen([*arguments, "--output_path", str(output)],
+                                       stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            time.sleep(seconds * (step + 0.5) / 14)
+            process.terminate()
+            process.communicate(timeout=60)
+            interrupted += process.returncode == -signal.SIGTERM
+            self.assertIn(process.returncode, (0, -signal.SIGTERM))
+            self.assertEqual([p.name for p in work.iterdir()], ["output"], "something was left behind")
+            self.assertIn(tree(output), (old, new))
+        self.assertGreater(interrupted, 0)
+
+
+if __name__ == "__main__":
+    unittest.main()
