@@ -20,7 +20,7 @@ evaluate "$work/scene/perturbed" >"$work/start.json"
 for config in point point_line groups holistic; do
   echo "Adjusting with --Bundle.config $config" >&2
   "$holba" adjust --input_path "$work/scene/perturbed" --output_path "$work/$config" \
-    --Bundle.config "$config" --quiet
+    --Bundle.config "$config" --quiet >"$work/$config.txt"
   evaluate "$work/$config" >"$work/$config.json"
 done
 python3 "$holba_root/cmake/demo_table.py" "$work"

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <memory>
 #include <new>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,35 @@ constexpr int kDone = 0;
 constexpr int kBadInput = 1;
 constexpr int kInternalError = 2;
 
+// The words of `text` in lines of up to 100 columns, each behind `indent` spaces.
+std::string Wrapped(const std::string& text, size_t indent) {
+  constexpr size_t kWidth = 100;
+  std::string lines, line;
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    if (!line.empty() && indent + line.size() + 1 + word.size() > kWidth) {
+      lines += std::string(indent, ' ') + line + "\n";
+      line.clear();
+    }
+    line += (line.empty() ? "" : " ") + word;
+  }
+  return lines + std::string(indent, ' ') + line + "\n";
+}
+
+// Each paragraph wrapped, but those with lines that begin with a space as they are.
+std::string WrappedParagraphs(const std::string& text) {
+  std::string result;
+  for (size_t begin = 0; begin < text.size();) {
+    const size_t end = std::min(text.find("\n\n", begin), text.size());
+    const std::string paragraph = text.substr(begin, end - begin);
+    const bool is_laid_out =
+        paragraph.starts_with(' ') || paragraph.find("\n ") != std::string::npos;
+    result += "\n" + (is_laid_out ? paragraph + "\n" : Wrapped(paragraph, 0));
+    begin = end + 2;
+  }
+  return result;
+}
+
 std::string OptionHelp(const Option& option, bool is_flag) {
   std::vector<std::string> facts;
   if (option.required) {
@@ -33,9 +63,9 @@ std::string OptionHelp(const Option& option, bool is_flag) {
                                                  : "default: " + option.default_value);
   }
   if (!option.range.empty()) facts.push_back(option.range);
-  return fmt::format("  --{}{}{}\n      {}\n", option.name, is_flag ? "" : " " + option.type,
+  return fmt::format("  --{}{}{}\n{}", option.name, is_flag ? "" : " " + option.type,
                      facts.empty() ? "" : fmt::format("  ({})", fmt::join(facts, "; ")),
-                     option.sentence);
+                     Wrapped(option.sentence, 6));
 }
 
 std::string SectionOf(const Option& option) {
@@ -112,7 +142,7 @@ std::string CommandHelp(const Command& command) {
   }
   std::string help =
       fmt::format("holba {}: {}.\n\nUsage: {} [options]\n", command.name, command.summary, usage);
-  if (!command.details.empty()) help += "\n" + command.details + "\n";
+  help += WrappedParagraphs(command.details);
   std::string section;
   help += "\nOptions:\n";
   for (const Option& option : table.options()) {

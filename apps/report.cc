@@ -49,6 +49,10 @@ json SummaryToJson(const BundleSummary& summary) {
       term["auto_sigma_px"] = summary.auto_sigmas_px.at(after.term);
     }
   }
+  json associations = json::object();
+  for (const auto& [kind, count] : summary.associations) {
+    associations[kind] = {{"tested", count.tested}, {"rejected", count.rejected}};
+  }
   return {{"backend", s.backend},
           {"linear_solver", s.linear_solver},
           {"num_threads", s.num_threads},
@@ -59,6 +63,8 @@ json SummaryToJson(const BundleSummary& summary) {
           {"message", s.message},
           {"cost", {{"initial", s.initial_cost}, {"final", s.final_cost}}},
           {"terms", terms},
+          {"associations", associations},
+          {"groups_dropped", summary.groups_dropped},
           {"seconds",
            {{"build", s.build_seconds},
             {"linearise", s.linearise_seconds},
@@ -77,8 +83,9 @@ json SummaryToJson(const BundleSummary& summary) {
 
 std::string SummaryToText(const BundleSummary& summary) {
   const SolverSummary& s = summary.solver;
-  std::string text = fmt::format("{:<16} {:>10} {:>8} {:>14} {:>14} {:>11} {:>11}\n", "term", "residuals", "absent",
-                                 "cost before", "cost after", "rms before", "rms after");
+  std::string text =
+      fmt::format("{:<16} {:>10} {:>8} {:>14} {:>14} {:>11} {:>11}\n", "term", "residuals",
+                  "absent", "cost before", "cost after", "rms before", "rms after");
   const auto rms = [](const TermCost& t) {
     const size_t present = t.residuals - t.absent;
     return present ? std::sqrt(t.sum_squares / static_cast<double>(present)) : 0.0;
@@ -86,8 +93,9 @@ std::string SummaryToText(const BundleSummary& summary) {
   for (size_t t = 0; t < s.final_terms.size(); ++t) {
     const TermCost& before = s.initial_terms[t];
     const TermCost& after = s.final_terms[t];
-    text += fmt::format("{:<16} {:>10} {:>8} {:>14.6g} {:>14.6g} {:>11.4g} {:>11.4g}", after.term, after.residuals,
-                        after.absent, before.cost, after.cost, rms(before), rms(after));
+    text += fmt::format("{:<16} {:>10} {:>8} {:>14.6g} {:>14.6g} {:>11.4g} {:>11.4g}", after.term,
+                        after.residuals, after.absent, before.cost, after.cost, rms(before),
+                        rms(after));
     const auto scale = summary.auto_scales_px.find(after.term);
     if (scale != summary.auto_scales_px.end()) {
       text += fmt::format("  Cauchy {:.3f} px (sigma {:.3f} px)", scale->second,
@@ -95,38 +103,46 @@ std::string SummaryToText(const BundleSummary& summary) {
     }
     text += '\n';
   }
-  text += fmt::format("{:<16} {:>10} {:>8} {:>14.8g} {:>14.8g}\n", "all", "", "", s.initial_cost, s.final_cost);
-  text += fmt::format("{} iterations ({} accepted) in {} rounds, stopped: {}\n", s.iterations, s.accepted_steps,
-                      summary.rounds, NameOf(s.stop_reason));
-  text += fmt::format("{}, {} threads; reduced system {} unknowns, {:.1f} % dense", s.linear_solver, s.num_threads,
-                      s.reduced_system.size, 100.0 * s.reduced_system.density);
-  text += fmt::format(" (pairs of poses {:.1f} %, without wireframe {:.1f} %)\n", 100.0 * s.reduced_system.pose_density,
+  text += fmt::format("{:<16} {:>10} {:>8} {:>14.8g} {:>14.8g}\n", "all", "", "", s.initial_cost,
+                      s.final_cost);
+  for (const auto& [kind, count] : summary.associations) {
+    text += fmt::format("left out {} of {} {}\n", count.rejected, count.tested, kind);
+  }
+  if (summary.groups_dropped) text += fmt::format("left out {} groups\n", summary.groups_dropped);
+  text += fmt::format("{} iterations ({} accepted) in {} rounds, stopped: {}\n", s.iterations,
+                      s.accepted_steps, summary.rounds, NameOf(s.stop_reason));
+  text += fmt::format("{}, {} threads; reduced system {} unknowns, {:.1f} % dense", s.linear_solver,
+                      s.num_threads, s.reduced_system.size, 100.0 * s.reduced_system.density);
+  text += fmt::format(" (pairs of poses {:.1f} %, without wireframe {:.1f} %)\n",
+                      100.0 * s.reduced_system.pose_density,
                       100.0 * s.reduced_system.pose_density_without_wireframe);
   text += fmt::format(
-      "{:.3f} s: build {:.3f}, linearise {:.3f}, linear solver {:.3f}; {:.2f} ms per iteration (median); peak memory "
+      "{:.3f} s: build {:.3f}, linearise {:.3f}, linear solver {:.3f}; {:.2f} ms per iteration "
+      "(median); peak memory "
       "{:.0f} MB\n",
-      s.total_seconds, s.build_seconds, s.linearise_seconds, s.eliminate_seconds, 1e3 * s.MedianIterationSeconds(),
-      PeakMemoryMb());
+      s.total_seconds, s.build_seconds, s.linearise_seconds, s.eliminate_seconds,
+      1e3 * s.MedianIterationSeconds(), PeakMemoryMb());
   return text;
 }
 
 std::string IterationHeader(const IterationRecord& record) {
-  std::string text = fmt::format("{:>5} {:>14} {:>10} {:>9} {:>9} {:>9} {:>8}", "iter", "cost", "change", "gradient",
-                                 "step", "damping", "ms");
+  std::string text = fmt::format("{:>5} {:>14} {:>10} {:>9} {:>9} {:>9} {:>8}", "iter", "cost",
+                                 "change", "gradient", "step", "damping", "ms");
   for (const TermCost& term : record.terms) text += fmt::format(" {:>15}", term.term);
   return text;
 }
 
 std::string IterationLine(const IterationRecord& record) {
-  std::string text = fmt::format("{:>4}{} {:>14.8g} {:>10.2e} {:>9.2e} {:>9.2e} {:>9.2e} {:>8.2f}", record.iteration,
-                                 record.accepted ? ' ' : '-', record.cost, record.cost_change,
-                                 record.gradient_max_norm, record.step_norm, 1.0 / record.trust_radius,
-                                 1e3 * record.seconds);
+  std::string text = fmt::format("{:>4}{} {:>14.8g} {:>10.2e} {:>9.2e} {:>9.2e} {:>9.2e} {:>8.2f}",
+                                 record.iteration, record.accepted ? ' ' : '-', record.cost,
+                                 record.cost_change, record.gradient_max_norm, record.step_norm,
+                                 1.0 / record.trust_radius, 1e3 * record.seconds);
   for (const TermCost& term : record.terms) text += fmt::format(" {:>15.6g}", term.cost);
   return text;
 }
 
-std::vector<GroupMeasurement> ReadGroupMeasurements(const std::string& path, const Reconstruction& model) {
+std::vector<GroupMeasurement> ReadGroupMeasurements(const std::string& path,
+                                                    const Reconstruction& model) {
   std::ifstream file(path);
   if (!file) throw InputError(path, "cannot be opened for reading");
   std::vector<GroupMeasurement> measurements;
@@ -138,18 +154,21 @@ std::vector<GroupMeasurement> ReadGroupMeasurements(const std::string& path, con
     GroupMeasurement m;
     Eigen::Vector3d& d = m.direction_in_cam;
     std::string rest;
-    if (!(fields >> m.image_id >> m.group3D_id >> d.x() >> d.y() >> d.z() >> m.sigma_deg) || (fields >> rest)) {
+    if (!(fields >> m.image_id >> m.group3D_id >> d.x() >> d.y() >> d.z() >> m.sigma_deg) ||
+        (fields >> rest)) {
       throw InputError::AtLine(path, number, "expected IMAGE_ID GROUP3D_ID DX DY DZ SIGMA_DEG");
     }
     if (!d.allFinite() || !(d.norm() > 0) || !(m.sigma_deg > 0) || !std::isfinite(m.sigma_deg)) {
-      throw InputError::AtLine(path, number, "the direction must not be zero and SIGMA_DEG must be positive");
+      throw InputError::AtLine(path, number,
+                               "the direction must not be zero and SIGMA_DEG must be positive");
     }
     if (!model.images.contains(m.image_id)) {
       throw InputError::AtLine(path, number, fmt::format("the model has no image {}", m.image_id));
     }
     const Group3D* group = model.groups3D.Find(m.group3D_id);
     if (!group || !group->type->HasDirection()) {
-      throw InputError::AtLine(path, number, fmt::format("the model has no group {} with a direction", m.group3D_id));
+      throw InputError::AtLine(
+          path, number, fmt::format("the model has no group {} with a direction", m.group3D_id));
     }
     measurements.push_back(m);
   }

@@ -11,18 +11,21 @@
 
 namespace holba {
 
-// {"point": {"residuals": N, "sum_squares": S, "absent": n}, ...}; residuals counts the present ones.
+// {"point": {"residuals": N, "sum_squares": S, "absent": n}, ...}; residuals counts the present
+// ones.
 nlohmann::json TermsToJson(std::span<const TermCost> terms);
 
 nlohmann::json SummaryToJson(const BundleSummary& summary);
 std::string SummaryToText(const BundleSummary& summary);
 
-// One line per iteration: costs by term, step, damping, time. The header says the terms of the record.
+// One line per iteration: costs by term, step, damping, time. The header says the terms of the
+// record.
 std::string IterationHeader(const IterationRecord& record);
 std::string IterationLine(const IterationRecord& record);
 
 // A text file of directions of groups measured in images, one per line after '#' comments:
 // IMAGE_ID GROUP3D_ID DX DY DZ SIGMA_DEG, the direction in the camera frame, its sign free.
-std::vector<GroupMeasurement> ReadGroupMeasurements(const std::string& path, const Reconstruction& model);
+std::vector<GroupMeasurement> ReadGroupMeasurements(const std::string& path,
+                                                    const Reconstruction& model);
 
 }  // namespace holba

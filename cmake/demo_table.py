@@ -23,13 +23,12 @@ def bought(errors: dict[str, dict]) -> str:
     """One sentence: how the last row compares with classical bundle adjustment (the row `point`)."""
     parts = []
     for name, key in [("camera position", "position_rms"), ("camera rotation", "rotation_rms_deg"),
-                      ("3D point", "point_rms")]:
+                      ("3D point", "point_rms"), ("3D line", "line_distance_rms")]:
         before, after = errors["point"].get(key), errors["holistic"].get(key)
-        if before is None or not after:
+        if not before or after is None:
             continue
-        ratio = before / after
-        parts.append(f"the {name} error is {ratio:.2f} times smaller" if ratio >= 1 else
-                     f"the {name} error is {1 / ratio:.2f} times larger")
+        percent = 100 * (1 - after / before)
+        parts.append(f"the {name} error is {abs(percent):.0f} % {'smaller' if percent >= 0 else 'larger'}")
     if not parts:
         return "The truth holds nothing that both adjustments can be compared by."
     return "With all structure, compared with points alone, " + ", ".join(parts) + "."

@@ -24,7 +24,7 @@ class SynthesizeJob : public Job {
   }
 
   void Run(const Invocation&) override {
-    const BundleProblem problem = MakeBundleProblem(options_);
+    const SyntheticProblem problem = MakeBundleProblem(options_);
     const std::filesystem::path folder = output_path_;
     WriteModel(problem.truth, folder / "truth", output_type_);
     WriteModel(problem.perturbed, folder / "perturbed", output_type_);

@@ -10,6 +10,7 @@ import pathlib
 import re
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 import unittest
@@ -81,14 +82,14 @@ class Help(Case):
             text = self.succeeds(name, "--help")
             self.assertEqual(text, self.succeeds("help", name))
             self.assertIn(f"Usage: holba {name}", text)
-            options = re.findall(r"^  --(\S+)(.*)\n      (.*)$", text, re.MULTILINE)
+            options = re.findall(r"^  --(\S+)(.*)\n((?:      .+\n)+)", text, re.MULTILINE)
             named = [option[0] for option in options]
             self.assertEqual(len(named), len(re.findall(r"^  --", text, re.MULTILINE)), name)
             for common in ("config", "log_level", "quiet", "help"):
                 self.assertIn(common, named)
             for option, facts, sentence in options:
                 self.assertRegex(option, r"^([A-Z][A-Za-z]*\.)?[A-Za-z0-9_]+$", name)
-                self.assertTrue(sentence.endswith("."), (name, option, sentence))
+                self.assertTrue(sentence.endswith(".\n"), (name, option, sentence))
                 if option not in ("quiet", "help", "json"):
                     self.assertRegex(facts, r"^ \S+  \((required|default: .*)\)$", (name, option))
 
@@ -140,13 +141,20 @@ class Errors(Case):
                 self.assertIn(part, self.refuses(*words))
                 self.assertEqual(tree(output), before)
 
-    def test_a_missing_input_is_named(self):
-        absent = self.folder / "absent"
-        output = self.folder / "output"
-        for command in ("convert", "transform"):
-            message = self.refuses(command, "--input_path", absent, "--output_path", output)
-            self.assertIn(str(absent), message)
+    def test_a_missing_input_of_any_command_is_named_and_nothing_is_written(self):
+        absent, output = self.folder / "absent", self.folder / "output"
+        tried = 0
+        for name in command_names():
+            required = re.findall(r"^  --(\w+) .*\(required", holba(name, "--help").stdout, re.MULTILINE)
+            if "input_path" not in required:
+                continue
+            values = {"input_path": absent, "output_path": output}
+            words = [word for option in required
+                     for word in (f"--{option}", values.get(option, self.model))]
+            self.assertIn(str(absent), self.refuses(name, *words))
             self.assertFalse(output.exists())
+            tried += 1
+        self.assertGreaterEqual(tried, 2)
 
     def test_a_damaged_input_is_named_with_its_place_and_the_output_stays(self):
         lines = (self.model / "points3D.txt").read_text().split("\n")
@@ -228,6 +236,22 @@ class Convert(Case):
         self.assertTrue(header.startswith("ply\n"))
         self.assertRegex(header, r"element vertex \d+\n")
 
+    def test_a_bal_problem_becomes_a_model_and_again_the_problem(self):
+        problem = [[2, 1, 2], [0, 0, -3.5, 4.25], [1, 0, 10.5, -20],
+                   *([x] for x in (0.1, -0.2, 0.3, 1, 2, -30, 500, 0.01, -0.002)),
+                   *([x] for x in (0, 0.25, 0, -1, 2, -31, 510.5, 0, 0)),
+                   *([x] for x in (1.5, -2.5, 3.5))]
+        source = self.folder / "problem.txt"
+        source.write_text("".join(" ".join(map(str, line)) + "\n" for line in problem))
+        model = self.convert(source, "bin", "of_bal")
+        self.assertTrue((model / "points3D.bin").exists())
+        again = self.convert(model, "bal", "again.txt")
+        expected = [float(x) for line in problem for x in line]
+        found = [float(x) for x in again.read_text().split()]
+        self.assertEqual(len(found), len(expected))
+        for x, y in zip(found, expected):
+            self.assertAlmostEqual(x, y, places=12)
+
     def test_results_are_silent_on_stdout_and_quiet_on_stderr(self):
         result = holba("convert", "--input_path", self.model, "--output_path", self.folder / "o",
                        "--quiet")
@@ -297,6 +321,36 @@ class Transform(Case):
             self.assertIn(part, self.refuses("transform", "--input_path", self.model,
                                              "--output_path", output, "--transform_path", path))
             self.assertFalse(output.exists())
+
+
+class Demo(Case):
+    def test_what_the_demo_does_brings_a_start_nearer_to_the_truth(self):
+        scene = self.folder / "scene"
+        self.succeeds("synthesize", "--output_path", scene, "--num_images", 12, "--seed", 1)
+
+        def errors(model: pathlib.Path, name: str) -> dict[str, float]:
+            text = self.succeeds("evaluate", "--input_path", model, "--ground_truth_path",
+                                 scene / "truth", "--json")
+            (self.folder / f"{name}.json").write_text(text)
+            return json.loads(text)["ground_truth"]
+
+        start = errors(scene / "perturbed", "start")
+        for config in ("point", "point_line", "groups", "holistic"):
+            adjusted = self.folder / config
+            self.succeeds("adjust", "--input_path", scene / "perturbed", "--output_path", adjusted,
+                          "--Bundle.config", config)
+            found = errors(adjusted, config)
+            for key in ("rotation_rms_deg", "position_rms", "point_rms"):
+                self.assertLess(found[key], 0.5 * start[key], (config, key))
+        script = pathlib.Path(__file__).parents[2] / "cmake" / "demo_table.py"
+        table = subprocess.run([sys.executable, script, self.folder], capture_output=True, text=True,
+                               check=True).stdout.split("\n")
+        self.assertEqual([line.split()[0] for line in table[3:8]],
+                         ["start", "point", "point-line", "groups", "holistic"])
+        for line in table[3:8]:
+            self.assertEqual(len(line.split()), 8)
+            self.assertNotIn(" - ", line)
+        self.assertTrue(table[8].startswith("With all structure, "))
 
 
 class Blas(Case):

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Stands in (LD_PRELOAD) for an OpenBLAS that is older than the CPU: it names the oldest kernels unless told
-// otherwise by OPENBLAS_CORETYPE, and counts the program's starts in the file OLD_OPENBLAS_STARTS.
+// Stands in (LD_PRELOAD) for an OpenBLAS that is older than the CPU: it names the oldest kernels
+// unless told otherwise by OPENBLAS_CORETYPE, and counts the program's starts in the file
+// OLD_OPENBLAS_STARTS.
 #include <cstdio>
 #include <cstdlib>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A small scene made in code: one camera, one image, one point. Prints where the point is seen, moves the
-// scene by a similarity, and shows that it is seen at the same place.
+// A small scene made in code: one camera, one image, one point. Prints where the point is seen,
+// moves the scene by a similarity, and shows that it is seen at the same place.
 #include <Eigen/Core>
 #include <cstdio>
 #include <optional>
@@ -39,8 +39,8 @@ std::optional<Eigen::Vector2d> SeenAt(const holba::Reconstruction& model) {
   const holba::Image& image = model.images.at(1);
   const holba::Camera& camera = model.cameras.at(image.camera_id);
   Eigen::Vector2d pixel;
-  if (!camera.model->project(camera.params.data(),
-                             image.cam_from_world * model.points3D.at(1).xyz, &pixel)) {
+  if (!camera.model->project(camera.params.data(), image.cam_from_world * model.points3D.at(1).xyz,
+                             &pixel)) {
     return std::nullopt;
   }
   return pixel;

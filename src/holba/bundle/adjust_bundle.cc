@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
@@ -53,23 +54,33 @@ void Accumulate(const SolverSummary& round, SolverSummary* sum) {
   *sum = std::move(merged);
 }
 
-// Terms whose loss scale is measured.
+// Terms whose loss scale is measured. Scales outlive a problem: the next one begins where the last ended.
 class AutoScales {
  public:
-  AutoScales(const BundleOptions& options, const Problem& problem) : options_(options) {
+  explicit AutoScales(const BundleOptions& options) : options_(options) {}
+
+  // Sets the losses of a new problem. True: some scale is new and has to be annealed.
+  bool Begin(const Problem& problem) {
+    bool fresh = false;
+    terms_.clear();
     for (const auto& batch : problem.batches()) {
-      const TermFamily family = FamilyOf(batch->term());
-      if (options[family].loss == LossChoice::kAuto && !batch->term().ends_with("_3d")) scales_[batch->term()] = 0.0;
+      const std::string& term = batch->term();
+      if (options_[FamilyOf(term)].loss != LossChoice::kAuto || term.ends_with("_3d") || terms_.contains(term)) continue;
+      terms_.insert(term);
+      if (scales_.contains(term)) continue;
+      fresh = true;
+      scales_[term] = kStartMultiple * Goal(problem, term);
     }
-    for (auto& [term, scale] : scales_) scale = kStartMultiple * Goal(problem, term);
     Apply(problem);
+    return fresh;
   }
-  bool empty() const { return scales_.empty(); }
+  bool empty() const { return terms_.empty(); }
 
   // Halves the scales towards their goals. True: they had arrived.
   bool Tighten(const Problem& problem) {
     bool arrived = true;
-    for (auto& [term, scale] : scales_) {
+    for (const std::string& term : terms_) {
+      double& scale = scales_[term];
       const double next = std::max(Goal(problem, term), 0.5 * scale);
       if (std::abs(next - scale) > kScaleTolerance * scale) arrived = false;
       scale = next;
@@ -77,20 +88,19 @@ class AutoScales {
     Apply(problem);
     return arrived;
   }
-  // Whether the next Tighten reaches the goals as they look now.
-  bool Near(const Problem& problem) const {
-    for (const auto& [term, scale] : scales_) {
-      if (scale > 1.05 * Goal(problem, term)) return false;
-    }
-    return true;
-  }
   const std::map<std::string, double>& scales() const { return scales_; }
   const std::map<std::string, double>& sigmas() const { return sigmas_; }
   std::string Text() const {
     std::string text;
-    for (const auto& [term, scale] : scales_) text += fmt::format(" {} {:.3f} px,", term, scale);
-    if (!text.empty()) text.pop_back();
+    for (const std::string& term : terms_) {
+      text += fmt::format("{} {} {:.3f} px", text.empty() ? "" : ",", term, scales_.at(term));
+    }
     return text;
+  }
+  void Apply(const Problem& problem) const {
+    for (const auto& batch : problem.batches()) {
+      if (terms_.contains(batch->term())) batch->loss = {LossType::kCauchy, scales_.at(batch->term())};
+    }
   }
 
  private:
@@ -98,17 +108,9 @@ class AutoScales {
     sigmas_[term] = RobustSigmaPx(problem, term);
     return std::max(options_.auto_num_sigmas * sigmas_[term], options_.auto_min_scale_px);
   }
-  double Goal(const Problem& problem, const std::string& term) const {
-    return std::max(options_.auto_num_sigmas * RobustSigmaPx(problem, term), options_.auto_min_scale_px);
-  }
-  void Apply(const Problem& problem) {
-    for (const auto& batch : problem.batches()) {
-      const auto it = scales_.find(batch->term());
-      if (it != scales_.end()) batch->loss = {LossType::kCauchy, it->second};
-    }
-  }
 
   const BundleOptions& options_;
+  std::set<std::string> terms_;  // of the problem at hand
   std::map<std::string, double> scales_;
   std::map<std::string, double> sigmas_;
 };
@@ -145,47 +147,130 @@ double RobustSigmaPx(const Problem& problem, const std::string& term) {
   return kSigmaPerMedian * Median(&values);
 }
 
+namespace {
+
+// One adjustment: its rounds share loss scales, log and summary.
+class Adjuster {
+ public:
+  Adjuster(const BundleOptions& options, const SolverOptions& solver_options, Reconstruction* model,
+           std::span<const GroupMeasurement> measurements, const RoundLog& log)
+      : options_(options),
+        solver_options_(solver_options),
+        model_(*model),
+        measurements_(measurements),
+        log_(log),
+        scales_(options_) {}
+
+  BundleSummary Run() {
+    const std::vector<double> start = BuildProblem(model_, options_, measurements_).problem.state();
+    AssociationFilter filter;
+    if (HasAssociations()) filter = Gate();
+    BundleProblem bundle = BuildProblem(model_, options_, measurements_, &filter);
+    Anneal(&bundle.problem);
+    if (!stopped_) Solve(solver_options_, &bundle.problem);
+    WriteBack(bundle, &model_);
+
+    summary_.auto_scales_px = scales_.scales();
+    summary_.auto_sigmas_px = scales_.sigmas();
+    // Costs before, with the losses and associations of the end.
+    bundle.problem.state() = start;
+    summary_.solver.initial_terms = EvaluateTerms(bundle.problem);
+    summary_.solver.initial_cost = 0.0;
+    for (const TermCost& term : summary_.solver.initial_terms) summary_.solver.initial_cost += term.cost;
+    return std::move(summary_);
+  }
+
+ private:
+  bool HasAssociations() const {
+    return options_.gate && options_.config >= BundleConfig::kGroups &&
+           (!model_.groups3D.empty() || !model_.wireframe.empty());
+  }
+
+  // Points and lines alone, then rounds of testing and adjusting. Leaves the model near the optimum of the associations
+  // that it returns.
+  AssociationFilter Gate() {
+    BundleOptions features_only = options_;
+    features_only.config = BundleConfig::kPointLine;
+    {
+      BundleProblem bundle = BuildProblem(model_, features_only);
+      Anneal(&bundle.problem);
+      if (!stopped_) Solve(solver_options_, &bundle.problem);
+      WriteBack(bundle, &model_);
+    }
+    // Features as seen, at the cameras of the round: without the pull of what is to be tested.
+    features_only.fix_poses = true;
+    features_only.refine_focal_length = features_only.refine_principal_point = features_only.refine_extra_params = false;
+    AssociationReport report;
+    for (int round = 0; round < options_.gate_rounds && !stopped_; ++round) {
+      BundleProblem features = BuildProblem(model_, features_only);
+      scales_.Begin(features.problem);
+      if (round > 0) Solve(Short(), &features.problem);
+      report = TestAssociations(model_, features);
+      if (!options_.fix_groups) {
+        for (auto& [id, params] : report.group_params) model_.groups3D.at(id).params = params;
+      }
+      LogReport(report);
+      if (round + 1 == options_.gate_rounds) break;
+      BundleProblem all = BuildProblem(model_, options_, measurements_, &report.filter);
+      Anneal(&all.problem);
+      if (!stopped_) Solve(Short(), &all.problem);
+      WriteBack(all, &model_);
+    }
+    summary_.associations = report.counts;
+    summary_.groups_dropped = report.groups_dropped;
+    return report.filter;
+  }
+
+  void LogReport(const AssociationReport& report) const {
+    if (!log_) return;
+    std::string text;
+    for (const auto& [kind, count] : report.counts) {
+      text += fmt::format("{} {} of {} {}", text.empty() ? "" : ",", count.rejected, count.tested, kind);
+    }
+    log_(fmt::format("Associations left out:{}; groups: {}", text, report.groups_dropped));
+  }
+
+  SolverOptions Short() const {
+    SolverOptions options = solver_options_;
+    options.max_num_iterations = std::min(kRoundIterations, options.max_num_iterations);
+    options.function_tolerance = std::max(kRoundTolerance, options.function_tolerance);
+    return options;
+  }
+
+  void Anneal(Problem* problem) {
+    if (!scales_.Begin(*problem)) return;
+    for (int round = 0; round < kMaxRounds && !stopped_; ++round) {
+      if (log_) log_(fmt::format("Cauchy scales:{}", scales_.Text()));
+      Solve(Short(), problem);
+      if (scales_.Tighten(*problem)) break;
+    }
+  }
+
+  void Solve(const SolverOptions& options, Problem* problem) {
+    const SolverSummary solved = holba::Solve(options, problem);
+    stopped_ |= solved.stop_reason == StopReason::kCallback;
+    Accumulate(solved, &summary_.solver);
+    ++summary_.rounds;
+  }
+
+  const BundleOptions& options_;
+  const SolverOptions& solver_options_;
+  Reconstruction& model_;
+  std::span<const GroupMeasurement> measurements_;
+  const RoundLog& log_;
+  AutoScales scales_;
+  BundleSummary summary_;
+  bool stopped_ = false;  // by the caller
+};
+
+}  // namespace
+
 BundleSummary AdjustBundle(const BundleOptions& given, const SolverOptions& solver_options, Reconstruction* model,
                            std::span<const GroupMeasurement> measurements, const RoundLog& log) {
+  const Timer timer;
   BundleOptions options = given;
   options.SetDefaultLosses(false);
-  const Timer timer;
-  BundleProblem bundle = BuildProblem(*model, options, measurements);
-  Problem& problem = bundle.problem;
-  const std::vector<double> start = problem.state();
-  AutoScales scales(options, problem);
-  BundleSummary summary;
-  summary.solver.build_seconds = timer.Seconds();
-
-  if (!scales.empty()) {
-    SolverOptions round_options = solver_options;
-    round_options.max_num_iterations = std::min(kRoundIterations, solver_options.max_num_iterations);
-    round_options.function_tolerance = std::max(kRoundTolerance, solver_options.function_tolerance);
-    for (int round = 0; round < kMaxRounds; ++round) {
-      if (log) log(fmt::format("Round {}: Cauchy scales{}", round + 1, scales.Text()));
-      const SolverSummary solved = Solve(round_options, &problem);
-      Accumulate(solved, &summary.solver);
-      ++summary.rounds;
-      if (solved.stop_reason == StopReason::kCallback || scales.Tighten(problem)) break;
-    }
-    if (log) log(fmt::format("Last round: Cauchy scales{}", scales.Text()));
-  }
-  if (summary.solver.stop_reason != StopReason::kCallback) {
-    Accumulate(Solve(solver_options, &problem), &summary.solver);
-  }
-
-  summary.auto_scales_px = scales.scales();
-  summary.auto_sigmas_px = scales.sigmas();
-  if (summary.rounds > 1) {
-    // Costs before and after with the same losses.
-    std::vector<double> end = start;
-    problem.state().swap(end);
-    summary.solver.initial_terms = EvaluateTerms(problem);
-    problem.state().swap(end);
-    summary.solver.initial_cost = 0.0;
-    for (const TermCost& term : summary.solver.initial_terms) summary.solver.initial_cost += term.cost;
-  }
-  WriteBack(bundle, model);
+  BundleSummary summary = Adjuster(options, solver_options, model, measurements, log).Run();
   if (options.refit_others) RefitOthers(options, solver_options, model);
   UpdateErrors(model);
   summary.solver.total_seconds = timer.Seconds();

@@ -2,11 +2,13 @@
 // Holistic bundle adjustment of a model.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "holba/bundle/association_gate.h"
 #include "holba/bundle/bundle_options.h"
 #include "holba/scene/reconstruction.h"
 #include "holba/solver/solver.h"
@@ -21,13 +23,17 @@ struct BundleSummary {
   // of its residuals then.
   std::map<std::string, double> auto_scales_px;
   std::map<std::string, double> auto_sigmas_px;
-  int rounds = 1;
+  int rounds = 0;  // of solving
+  // What the gate found in its last round; empty if there was nothing to test or it was off.
+  std::map<std::string, AssociationCount> associations;
+  size_t groups_dropped = 0;
 };
 
 // Called at the start of each round with a sentence about it, for logs.
 using RoundLog = std::function<void(const std::string&)>;
 
-// Adjusts the model in place. Losses `auto` are annealed: rounds of Cauchy whose scale halves down to
+// Adjusts the model in place. With structure in the configuration and options.gate: first points and lines alone, then rounds of
+// testing the associations and adjusting all of it with those that passed (membership in the model does not change). Losses `auto` are annealed: rounds of Cauchy whose scale halves down to
 // options.auto_num_sigmas robust standard deviations, measured anew after every round; the last round runs to convergence.
 // The model must be consistent.
 BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& solver_options, Reconstruction* model,

@@ -60,6 +60,9 @@ void BundleOptions::Describe(OptionTable* table) {
   table->Field("auto_num_sigmas", &auto_num_sigmas, GreaterThan(0),
                "Scale of the loss auto, in robust standard deviations of the term's residuals.");
   table->Field("auto_min_scale_px", &auto_min_scale_px, GreaterThan(0), "Smallest scale of the loss auto, pixels.");
+  table->Field("gate", &gate,
+               "Whether members of groups and incidences that contradict the features as seen are left out.");
+  table->Field("gate_rounds", &gate_rounds, Between(1, 10), "Rounds of testing associations and adjusting.");
   table->Field("refine_focal_length", &refine_focal_length, "Whether focal lengths are adjusted.");
   table->Field("refine_principal_point", &refine_principal_point, "Whether principal points are adjusted.");
   table->Field("refine_extra_params", &refine_extra_params, "Whether distortion parameters are adjusted.");

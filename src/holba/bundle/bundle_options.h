@@ -53,6 +53,10 @@ struct BundleOptions {
   // Below this scale the noise is that of the localisation of a feature, whatever the residuals say.
   double auto_min_scale_px = 0.05;
 
+  // Associations that contradict the features as seen take no part (association_gate.h), tested anew in each round.
+  bool gate = true;
+  int gate_rounds = 3;
+
   bool refine_focal_length = true;
   bool refine_principal_point = false;
   bool refine_extra_params = true;

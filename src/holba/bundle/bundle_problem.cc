@@ -34,8 +34,9 @@ Loss ToLoss(const TermSettings& settings) {
 // Builds one problem; each Add* is one kind of block or term.
 class Builder {
  public:
-  Builder(const Reconstruction& model, const BundleOptions& options, BundleProblem* out)
-      : model_(model), options_(options), out_(*out), problem_(out->problem) {}
+  Builder(const Reconstruction& model, const BundleOptions& options, const AssociationFilter& filter,
+          BundleProblem* out)
+      : model_(model), options_(options), filter_(filter), out_(*out), problem_(out->problem) {}
 
   void Build(std::span<const GroupMeasurement> measurements) {
     AddPosesAndCameras();
@@ -215,8 +216,13 @@ class Builder {
     for (const auto& [id, group] : model_.groups3D) {
       const GroupType* type = group.type;
       const BlockId group_block = groups_.at(id);
-      for (point3D_t point_id : group.point3D_ids) AddGroupPoint(*type, group_block, point_id);
-      for (line3D_t line_id : group.line3D_ids) AddGroupLine(*type, group_block, line_id);
+      if (filter_.groups.contains(id)) continue;
+      for (point3D_t point_id : group.point3D_ids) {
+        if (!filter_.points.contains({id, point_id})) AddGroupPoint(*type, group_block, point_id);
+      }
+      for (line3D_t line_id : group.line3D_ids) {
+        if (!filter_.lines.contains({id, line_id})) AddGroupLine(*type, group_block, line_id);
+      }
     }
   }
 
@@ -273,6 +279,7 @@ class Builder {
 
   void AddRelations() {
     for (const Relation& relation : model_.relations) {
+      if (filter_.groups.contains(relation.group3D_id1) || filter_.groups.contains(relation.group3D_id2)) continue;
       const GroupType* a = model_.groups3D.at(relation.group3D_id1).type;
       const GroupType* b = model_.groups3D.at(relation.group3D_id2).type;
       const std::array blocks{groups_.at(relation.group3D_id1), groups_.at(relation.group3D_id2)};
@@ -303,6 +310,7 @@ class Builder {
 
   void AddWireframe() {
     for (const WireframeEdge& edge : model_.wireframe) {
+      if (filter_.edges.contains({edge.point3D_id, edge.line3D_id})) continue;
       const BlockId point = points_.at(edge.point3D_id), line = lines_.at(edge.line3D_id);
       if (options_.wireframe_form == StructureForm::k3d) {
         auto& batch = BatchOf<Wireframe3dResidual>("wireframe_3d", TermFamily::kWireframe, {3, 4}, {-1, -1, 0},
@@ -365,6 +373,7 @@ class Builder {
 
   const Reconstruction& model_;
   const BundleOptions& options_;
+  const AssociationFilter& filter_;
   BundleProblem& out_;
   Problem& problem_;
   std::unordered_map<image_t, ImageBlocks> images_;
@@ -377,9 +386,10 @@ class Builder {
 }  // namespace
 
 BundleProblem BuildProblem(const Reconstruction& model, const BundleOptions& options,
-                           std::span<const GroupMeasurement> measurements) {
+                           std::span<const GroupMeasurement> measurements, const AssociationFilter* filter) {
   BundleProblem bundle;
-  Builder(model, options, &bundle).Build(measurements);
+  const AssociationFilter none;
+  Builder(model, options, filter ? *filter : none, &bundle).Build(measurements);
   return bundle;
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "holba/bundle/association_gate.h"
 #include "holba/bundle/bundle_options.h"
 #include "holba/problem/problem.h"
 #include "holba/residual/view.h"
@@ -27,9 +28,11 @@ struct BundleProblem {
 };
 
 // All residuals of the configuration. The model must be consistent (Reconstruction::FindInconsistency).
-// Losses `auto` start as Cauchy at the settings' scale; AdjustBundle moves them.
+// Losses `auto` start as Cauchy at the settings' scale; AdjustBundle moves them. Blocks and their order depend on model
+// and options only, not on the filter of associations (null: all take part).
 BundleProblem BuildProblem(const Reconstruction& model, const BundleOptions& options,
-                           std::span<const GroupMeasurement> measurements = {});
+                           std::span<const GroupMeasurement> measurements = {},
+                           const AssociationFilter* filter = nullptr);
 
 // Values of all variable blocks into the model; what was constant keeps its bits. End points of lines are carried
 // along to the new lines.

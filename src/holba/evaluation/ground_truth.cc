@@ -150,6 +150,7 @@ class Comparison {
     for (int i = 0; names >> name && i < type.num_file_params; ++i) {
       const Eigen::Map<const Eigen::Vector3d> a(moved.plain.data() + i), b(exact.plain.data() + i);
       if (name == "cx") add("centre", (a - b).norm());
+      if (name == "dx") add("axis_deg", UnsignedAngleDeg(a, b));
       if (name == "ax") add("apex", (a - b).norm());
       if (name == "r") add("radius", std::abs(a[0] - b[0]));
       if (name == "alpha") add("half_angle_deg", kDegPerRad * std::abs(a[0] - b[0]));

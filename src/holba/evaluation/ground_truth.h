@@ -29,8 +29,8 @@ struct GroundTruthErrors {
   std::optional<ErrorStats> plane_offset;
   // Other groups, by "TYPE quantity": "direction_deg" for types with a direction; "surface", the
   // distance of true member points from the model's surface; and by the names of the file's
-  // parameters "centre" (cx cy cz), "apex" (ax ay az), "radius" (r), "half_angle_deg" (alpha) and
-  // "semi_axes" (sx sy sz, sorted by length).
+  // parameters "centre" (cx cy cz), "axis_deg" (dx dy dz), "apex" (ax ay az), "radius" (r),
+  // "half_angle_deg" (alpha) and "semi_axes" (sx sy sz, sorted by length).
   std::map<std::string, ErrorStats> groups;
   Sim3d truth_from_model;  // the alignment
 

@@ -130,7 +130,7 @@ TEST(CompareToTruth, MeasuresKnownErrors) {
   GroupOf(&model, "PLANE").params = {0, 0, -1, 2.25};
   GroupOf(&model, "VP").params = {0, std::sin(0.1), -std::cos(0.1)};
   GroupOf(&model, "SPHERE").params = {0, 0, 0.3, 1.1};
-  GroupOf(&model, "CYLINDER").params = {0, 0, 1, 0, 0, 0, 0.75};
+  GroupOf(&model, "CYLINDER").params = {0, 0.6, 0.8, 0, 0, 0, 0.75};
   GroupOf(&model, "CONE").params = {0, 0.4, 0, 0, 0, 1, 0.5};
   GroupOf(&model, "ELLIPSOID").params = {1, 0, 0, 0, 0, 0, 0, 3, 1, 2.5};
 
@@ -151,7 +151,7 @@ TEST(CompareToTruth, MeasuresKnownErrors) {
   EXPECT_NEAR(errors.groups.at("SPHERE radius").rms, 0.1, 1e-12);
   EXPECT_GT(errors.groups.at("SPHERE surface").rms, 0.01);
   EXPECT_NEAR(errors.groups.at("CYLINDER radius").rms, 0.25, 1e-12);
-  EXPECT_NEAR(errors.groups.at("CYLINDER direction_deg").rms, 0.0, 1e-9);
+  EXPECT_NEAR(errors.groups.at("CYLINDER axis_deg").rms, std::acos(0.8) / kRadPerDeg, 1e-9);
   EXPECT_NEAR(errors.groups.at("CONE apex").rms, 0.4, 1e-12);
   EXPECT_NEAR(errors.groups.at("CONE half_angle_deg").rms, 0.1 / kRadPerDeg, 1e-9);
   EXPECT_NEAR(errors.groups.at("ELLIPSOID semi_axes").rms, 0.5, 1e-9);  // 1 2.5 3 against 1 2 3

@@ -91,10 +91,10 @@ std::optional<Eigen::Vector4d> FitPlane(std::span<const Eigen::Vector3d> points,
   // Lines through one point: any extent gives the same plane.
   if (extent <= 1e-6 * (1.0 + centre.norm())) extent = 1.0 + centre.norm();
   for (size_t i = 0; i < lines.size(); ++i) {
-    Eigen::Vector3d& sample = samples[points.size() + i];
+    const Eigen::Vector3d X = samples[points.size() + i];
     const Eigen::Vector3d step = extent * lines[i].direction.normalized();
-    samples.push_back(sample + step);
-    sample -= step;
+    samples[points.size() + i] = X - step;
+    samples.push_back(X + step);
   }
   const PrincipalAxes principal = PrincipalAxesOf(samples);
   if (!(principal.variances[1] > 1e-12 * principal.variances[2])) return std::nullopt;

@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -249,6 +250,28 @@ std::vector<Eigen::Matrix3d> BestRotations(const Features& features, size_t max_
   return rotations;
 }
 
+// Faces that at most one feature is nearest to are told by no feature but the one that ends there:
+// puts them where the features end in the final rotation.
+void EndOpenFaces(const Features& features, double* g) {
+  const Eigen::Matrix3d R = Eigen::Quaterniond(g[3], g[0], g[1], g[2]).toRotationMatrix();
+  Eigen::Map<Offsets> offsets(g + 4);
+  const std::optional<Offsets> bounding = BoundingOffsets(features, R);
+  if (!bounding) return;
+  std::array<int, 6> num_features{};
+  for (const Eigen::Vector3d& X : features.points) {
+    ++num_features[NearestFace(R.transpose() * X, offsets).first];
+  }
+  for (size_t i = 0; i < features.line_points.size(); ++i) {
+    const LineFace nearest =
+        NearestFaceOfLine(R.transpose() * features.line_points[i],
+                          R.transpose() * features.line_directions[i], offsets);
+    num_features[nearest.face] += 2;
+  }
+  for (int face = 0; face < 6; ++face) {
+    if (num_features[face] <= 1) offsets[face] = (*bounding)[face];
+  }
+}
+
 // Least squares over rotation and offsets; every evaluation assigns the features anew.
 std::optional<double> Refine(const Features& features, double* g) {
   using Square = Eigen::Matrix<double, 9, 9>;
@@ -324,6 +347,7 @@ std::optional<Box> FitBox(std::span<const Eigen::Vector3d> points,
     best_cost = *cost;
   }
   if (!std::isfinite(best_cost)) return std::nullopt;
+  EndOpenFaces(features, best.data());
   Box box;
   box.rotation = Eigen::Quaterniond(best[3], best[0], best[1], best[2]);
   const Eigen::Matrix3d R = box.rotation.toRotationMatrix();

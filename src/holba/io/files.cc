@@ -78,6 +78,8 @@ void WriteFileWhole(const fs::path& path, const std::function<void(std::ostream*
   const fs::path target = fs::weakly_canonical(path, error);
   if (error) throw InputError(path, "cannot be written: " + error.message());
   if (fs::is_directory(target)) throw InputError(path, "expected a file to write, found a folder");
+  // A device or pipe is written to, not replaced.
+  if (fs::exists(target) && !fs::is_regular_file(target)) return WriteTo(target, path, write);
   fs::create_directories(target.parent_path(), error);
   if (error) {
     throw InputError(target.parent_path(), "the folder cannot be created: " + error.message());

@@ -21,7 +21,7 @@ void Loss::Evaluate(double s, double rho[3]) const {
     case LossType::kSoftL1: {
       const double sum = 1.0 + s / a2;
       const double root = std::sqrt(sum);
-      rho[0] = 2.0 * a2 * (root - 1.0);
+      rho[0] = 2.0 * s / (root + 1.0);  // 2 scale^2 (root - 1), without its cancellation
       rho[1] = 1.0 / root;
       rho[2] = -rho[1] / (2.0 * a2 * sum);
       return;

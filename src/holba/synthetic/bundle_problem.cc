@@ -308,7 +308,7 @@ void BundleProblemOptions::Describe(OptionTable* table) {
                "Cameras in one rig with known sensor poses; 1: no rig.");
 }
 
-BundleProblem MakeBundleProblem(const BundleProblemOptions& options) {
+SyntheticProblem MakeBundleProblem(const BundleProblemOptions& options) {
   Check(options);
   Random camera_random = StreamOf(options.seed, Stream::kCameras);
   const Camera camera = MakeSyntheticCamera(options.camera_model);
@@ -321,7 +321,7 @@ BundleProblem MakeBundleProblem(const BundleProblemOptions& options) {
   const SyntheticTracks tracks =
       MakeTracks(cameras, structure, options.layout, options.visibility, &track_random);
 
-  BundleProblem problem;
+  SyntheticProblem problem;
   Random pixel_random = StreamOf(options.seed, Stream::kPixels);
   problem.truth = MakeImages(cameras);
   AddFeatures(structure, tracks, cameras, options.observation_noise_px, &pixel_random,

@@ -53,7 +53,7 @@ struct BundleProblemOptions {
 };
 
 // Both hold the same ids, the same noisy observations and consistent associations.
-struct BundleProblem {
+struct SyntheticProblem {
   Reconstruction truth;
   // Noisy poses, points and line ends; groups fitted to these by RANSAC; associations in part wrong
   // if asked for. Cameras and sensor poses are the true ones.
@@ -61,6 +61,6 @@ struct BundleProblem {
 };
 
 // Throws InputError for an unknown camera model or an impossible combination of options.
-BundleProblem MakeBundleProblem(const BundleProblemOptions& options);
+SyntheticProblem MakeBundleProblem(const BundleProblemOptions& options);
 
 }  // namespace holba

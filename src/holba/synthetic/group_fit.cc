@@ -133,42 +133,60 @@ std::optional<std::vector<double>> FitGroupRobustly(const GroupType& type,
   HOLBA_CHECK(type.project_point != nullptr && type.min_points > 0);
   const size_t sample_size = static_cast<size_t>(type.min_points);
   if (points.size() < sample_size) return std::nullopt;
-  constexpr int kMaxIterations = 1000;
+  const int max_iterations = type.min_points <= 5 ? 500 : 100;
   constexpr double kLogOfMissing = -9.2;  // of 1e-4, the chance to miss a sample of inliers only
   Params best{};
   double best_score = std::numeric_limits<double>::infinity();
-  int num_iterations = kMaxIterations;
-  Points sample(sample_size), inliers;
-  std::vector<size_t> picked(sample_size);
-  for (int iteration = 0; iteration < num_iterations; ++iteration) {
-    for (size_t k = 0; k < sample_size; ++k) {
-      do {
-        picked[k] = random->Index(points.size());
-      } while (std::find(picked.begin(), picked.begin() + static_cast<std::ptrdiff_t>(k),
-                         picked[k]) != picked.begin() + static_cast<std::ptrdiff_t>(k));
-      sample[k] = points[picked[k]];
-    }
+  Points sample, inliers;
+
+  // A fit to more points than the least is one of least squares.
+  const auto consider = [&](std::span<const Eigen::Vector3d> support, bool refine) {
     Params g{};
-    if (!type.fit_minimal(sample, {}, g.data())) continue;
-    double score = Score(type, g.data(), points, max_error, &inliers);
-    if (!(score < best_score)) continue;
-    // Local optimisation (Chum et al. 2003): minimal samples of noisy points are poor.
-    if (inliers.size() > sample_size) {
-      Params refined = g;
-      Refine(type, inliers, refined.data());
-      const double refined_score = Score(type, refined.data(), points, max_error, nullptr);
-      if (refined_score < score) {
-        g = refined;
-        score = Score(type, g.data(), points, max_error, &inliers);
-      }
-    }
+    if (!type.fit_minimal(support, {}, g.data())) return false;
+    if (refine) Refine(type, support, g.data());
+    const double score = Score(type, g.data(), points, max_error, nullptr);
+    if (!(score < best_score)) return false;
     best = g;
     best_score = score;
-    const double ratio = static_cast<double>(inliers.size()) / static_cast<double>(points.size());
-    const double all_inliers = std::pow(ratio, static_cast<double>(sample_size));
+    return true;
+  };
+  const auto consider_inliers = [&] {
+    Score(type, best.data(), points, max_error, &inliers);
+    if (inliers.size() < sample_size) return;
+    Params refined = best;
+    Refine(type, inliers, refined.data());
+    const double score = Score(type, refined.data(), points, max_error, nullptr);
+    if (score < best_score) {
+      best = refined;
+      best_score = score;
+    }
+    consider(inliers, true);
+  };
+
+  if (consider(points, true)) consider_inliers();
+  std::vector<size_t> picked;
+  for (int iteration = 0, num_iterations = max_iterations; iteration < num_iterations;
+       ++iteration) {
+    // Minimal samples of types with many parameters leave the shape open (a box through 9 points is
+    // one of many), which twice as many points settle.
+    const bool twice = type.min_points > 5 && iteration % 2 == 1;
+    picked.clear();
+    sample.clear();
+    while (sample.size() < std::min(points.size(), (twice ? 2 : 1) * sample_size)) {
+      const size_t i = random->Index(points.size());
+      if (std::find(picked.begin(), picked.end(), i) != picked.end()) continue;
+      picked.push_back(i);
+      sample.push_back(points[i]);
+    }
+    // Local optimisation (Chum et al. 2003): minimal samples of noisy points are poor.
+    if (consider(sample, false)) consider_inliers();
+    if (!std::isfinite(best_score)) continue;
+    const double all_inliers =
+        std::pow(static_cast<double>(inliers.size()) / static_cast<double>(points.size()),
+                 static_cast<double>(sample_size));
     if (all_inliers > 0) {
       const double needed = kLogOfMissing / std::log1p(-std::min(all_inliers, 1.0 - 1e-12));
-      num_iterations = static_cast<int>(std::clamp(needed, 20.0, double{kMaxIterations}));
+      num_iterations = static_cast<int>(std::clamp(needed, 20.0, double(max_iterations)));
     }
   }
   if (!std::isfinite(best_score)) return std::nullopt;

@@ -32,9 +32,10 @@ class TrackMaker {
     }
   }
 
-  std::vector<uint32_t> Track(std::span<const Eigen::Vector3d> extent) {
+  // Near images are nearest to one of `beside`; if this is empty, to any.
+  std::vector<uint32_t> Track(std::span<const Eigen::Vector3d> extent, Pool beside = {}) {
     const size_t length = Length();
-    const Pool pool = PoolFor(extent, is_near_ ? length : all_.size());
+    const Pool pool = PoolFor(extent, is_near_ ? length : all_.size(), beside);
     std::vector<uint32_t> track;
     Draw(pool, length, extent, &track);
     return track;
@@ -42,7 +43,7 @@ class TrackMaker {
 
   std::vector<std::vector<uint32_t>> SharedTracks(std::span<const Eigen::Vector3d> extent,
                                                   size_t count) {
-    const Pool pool = PoolFor(extent, is_near_ ? kNearPool : all_.size());
+    const Pool pool = PoolFor(extent, is_near_ ? kNearPool : all_.size(), {});
     std::vector<uint32_t> common;
     Draw(pool, NumCommon(pool.size()), extent, &common);
     std::vector<std::vector<uint32_t>> tracks(count, common);
@@ -78,10 +79,11 @@ class TrackMaker {
   }
 
   // At most max_size images that may see the extent; valid until the next call.
-  Pool PoolFor(std::span<const Eigen::Vector3d> extent, size_t max_size) {
+  Pool PoolFor(std::span<const Eigen::Vector3d> extent, size_t max_size, Pool beside) {
     if (layout_ == SceneLayout::kCorridor) return CorridorPool(extent, max_size);
     if (!is_near_) return all_;
-    const std::vector<uint32_t>& pool = nearest_[random_.Index(nearest_.size())];
+    const Pool centres = beside.empty() ? Pool(all_) : beside;
+    const std::vector<uint32_t>& pool = nearest_[centres[random_.Index(centres.size())]];
     return Pool(pool).first(std::min(max_size, pool.size()));
   }
 
@@ -138,7 +140,6 @@ SyntheticTracks MakeTracks(const SyntheticCameras& cameras, const SyntheticStruc
                            SceneLayout layout, Visibility visibility, Random* random) {
   TrackMaker maker(cameras, layout, visibility, random);
   SyntheticTracks tracks;
-  for (const Eigen::Vector3d& X : structure.points) tracks.points.push_back(maker.Track({&X, 1}));
   tracks.lines.resize(structure.segments.size());
   for (size_t line = 0; line < tracks.lines.size(); ++line) {
     const int plane = structure.plane_of_line[line];
@@ -155,6 +156,14 @@ SyntheticTracks MakeTracks(const SyntheticCameras& cameras, const SyntheticStruc
     }
     auto shared = maker.SharedTracks(extent, members.size());
     for (size_t k = 0; k < members.size(); ++k) tracks.lines[members[k]] = std::move(shared[k]);
+  }
+  // A junction is seen from where its line is seen.
+  std::vector<Pool> beside(structure.points.size());
+  for (const SyntheticEdge& edge : structure.edges) {
+    if (beside[edge.point].empty()) beside[edge.point] = tracks.lines[edge.line];
+  }
+  for (size_t p = 0; p < structure.points.size(); ++p) {
+    tracks.points.push_back(maker.Track({&structure.points[p], 1}, beside[p]));
   }
   return tracks;
 }

@@ -23,6 +23,8 @@ struct SyntheticTracks {
 // The lines of a plane see about half of their images in common: `c` images are in the tracks of
 // all of them, the others are drawn from the plane's pool of images, c such that the expected
 // number of shared images is nearest to half the mean length.
+// With near visibility points of wireframe edges are seen by neighbours of an image that sees their
+// line.
 SyntheticTracks MakeTracks(const SyntheticCameras& cameras, const SyntheticStructure& structure,
                            SceneLayout layout, Visibility visibility, Random* random);
 

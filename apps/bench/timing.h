@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The benchmarks `iterations` and `wireframe_form`: time of one iteration by size of the problem.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "apps/bench/table.h"
+#include "holba/bundle/bundle_options.h"
+#include "holba/solver/solver.h"
+#include "holba/synthetic/bundle_problem.h"
+
+namespace holba {
+
+// What is timed against each other.
+struct TimingCase {
+  std::string name;
+  BundleOptions bundle;
+};
+// Point, Point-Line, Groups, Holistic.
+std::vector<TimingCase> ConfigCases(const BundleOptions& bundle);
+// Holistic with its wireframe in 2D and in 3D.
+std::vector<TimingCase> WireframeFormCases(const BundleOptions& bundle);
+
+struct TimingOptions {
+  std::vector<int> num_images;
+  std::vector<LinearSolver> linear_solvers;
+  int iterations = 20;
+  int repetitions = 3;
+  BundleProblemOptions scene;  // num_images apart
+  SolverOptions solver;        // iterations, tolerances and linear solver apart
+};
+
+struct Timing {
+  int num_images = 0;
+  LinearSolver linear_solver = LinearSolver::kDense;
+  std::string name;
+  // Least over the repetitions of the median over the accepted iterations but the first.
+  double seconds_per_iteration = 0.0;
+  std::string used_solver;
+  ReducedSystem reduced_system;
+  size_t num_residuals = 0;  // residual blocks
+};
+
+// Every case runs exactly options.iterations iterations with all tolerances 0 (one that has
+// converged to the last bit before begins again), all cases of one size in turn, the turns
+// repeated.
+std::vector<Timing> TimeIterations(const TimingOptions& options,
+                                   const std::vector<TimingCase>& cases);
+
+// One table of times with their ratios to the first case and the exponents of growth, one of the
+// reduced systems.
+std::vector<Table> TimingTables(const TimingOptions& options, const std::vector<TimingCase>& cases,
+                                const std::vector<Timing>& timings);
+nlohmann::json TimingsToJson(const std::vector<Timing>& timings);
+
+}  // namespace holba

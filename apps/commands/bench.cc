@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// holba bench: the project's benchmarks on synthetic scenes, as Markdown tables.
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "apps/bench/accuracy.h"
+#include "apps/bench/timing.h"
+#include "apps/command.h"
+#include "holba/base/error.h"
+
+namespace holba {
+namespace {
+
+enum class Benchmark { kIterations, kWireframeForm, kAccuracy };
+enum class VisibilityChoice { kDefault, kRandom, kNear, kBoth };
+enum class SchurChoice { kDense, kSparse, kBoth };
+
+class BenchJob : public Job {
+ public:
+  BenchJob() {
+    // The scenes' noise is Gaussian and their intrinsics are known; one thread repeats.
+    bundle_[TermFamily::kPoint].loss = bundle_[TermFamily::kLine].loss = LossChoice::kTrivial;
+    bundle_.refine_focal_length = bundle_.refine_extra_params = false;
+    solver_.num_threads = 1;
+  }
+
+  void Describe(OptionTable* table) override {
+    table->Choice("benchmark", &benchmark_,
+                  {{"iterations", Benchmark::kIterations},
+                   {"wireframe_form", Benchmark::kWireframeForm},
+                   {"accuracy", Benchmark::kAccuracy}},
+                  "Which benchmark: time per iteration of the four configurations; the same of the "
+                  "2D and 3D form of the "
+                  "wireframe; errors against the truth.");
+    table->Field("num_images", &num_images_, AtLeast(10),
+                 "Sizes of the scenes (accuracy takes one); empty: 100,200,500,1000, for "
+                 "wireframe_form 100,200,500, for "
+                 "accuracy 100.");
+    table->Field("seed", &scene_.seed, AnyValue(), "First seed of the scenes.");
+    table->Choice("visibility", &visibility_,
+                  {{"default", VisibilityChoice::kDefault},
+                   {"random", VisibilityChoice::kRandom},
+                   {"near", VisibilityChoice::kNear},
+                   {"both", VisibilityChoice::kBoth}},
+                  "Whether any 4 to 8 cameras see a feature, or ones next to each other; default: "
+                  "random for times, both for "
+                  "accuracy.");
+    table->Choice("layout", &scene_.layout,
+                  {{"sphere", SceneLayout::kSphere}, {"corridor", SceneLayout::kCorridor}},
+                  "Cameras on a sphere around a cube, or in a row along a corridor.");
+    table->Field("vps", &scene_.vps, "Add vanishing points and relations to the scenes.");
+    table->Field("fraction_wrong_associations", &scene_.fraction_wrong_associations,
+                 Between(0, 0.9),
+                 "Part of the group members and wireframe edges that is replaced by wrong ones.");
+    table->Choice(
+        "wrong_associations", &scene_.wrong_associations,
+        {{"random", WrongAssociations::kRandom}, {"nearest", WrongAssociations::kNearest}},
+        "Whether a wrong association is to any feature or to the nearest wrong one.");
+    table->Field("num_seeds", &num_seeds_, Between(1, 100000), "Scenes of the benchmark accuracy.");
+    table->Choice("alignment", &alignment_,
+                  {{"auto", AlignmentBasis::kAuto},
+                   {"centres", AlignmentBasis::kCentres},
+                   {"centres_and_points", AlignmentBasis::kCentresAndPoints}},
+                  "What aligns a result with the truth in the benchmark accuracy.");
+    table->Field("iterations", &iterations_, AtLeast(2),
+                 "Iterations timed in one run; the first one is left out.");
+    table->Field("repetitions", &repetitions_, AtLeast(1),
+                 "Runs of each case, of which the fastest median counts.");
+    table->Choice("schur", &schur_,
+                  {{"dense", SchurChoice::kDense},
+                   {"sparse", SchurChoice::kSparse},
+                   {"both", SchurChoice::kBoth}},
+                  "How the reduced systems of the timed cases are solved.");
+    bundle_.Describe(table);
+    solver_.Describe(table);
+  }
+
+  void Run(const Invocation& invocation) override {
+    if (benchmark_ == Benchmark::kAccuracy) {
+      RunAccuracy(invocation);
+    } else {
+      RunTiming(invocation);
+    }
+  }
+
+ private:
+  std::vector<int> Sizes(std::vector<double> defaults) const {
+    return WholeNumbers("num_images", num_images_.empty() ? defaults : num_images_, 10);
+  }
+
+  void RunAccuracy(const Invocation& invocation) const {
+    AccuracyOptions options;
+    const std::vector<int> sizes = Sizes({100});
+    if (sizes.size() != 1) throw InputError("--num_images: the benchmark accuracy takes one size");
+    options.scene = scene_;
+    options.scene.num_images = sizes[0];
+    if (visibility_ != VisibilityChoice::kNear) options.visibilities.push_back(Visibility::kRandom);
+    if (visibility_ != VisibilityChoice::kRandom) options.visibilities.push_back(Visibility::kNear);
+    options.num_seeds = num_seeds_;
+    options.bundle = bundle_;
+    options.solver = solver_;
+    options.alignment = alignment_;
+    const std::vector<AccuracyResult> results = MeasureAccuracy(options);
+    Print(invocation, AccuracyTables(options, results), AccuracyToJson(results));
+  }
+
+  void RunTiming(const Invocation& invocation) const {
+    TimingOptions options;
+    options.num_images = benchmark_ == Benchmark::kIterations ? Sizes({100, 200, 500, 1000})
+                                                              : Sizes({100, 200, 500});
+    if (schur_ != SchurChoice::kDense) options.linear_solvers.push_back(LinearSolver::kSparse);
+    if (schur_ != SchurChoice::kSparse) options.linear_solvers.push_back(LinearSolver::kDense);
+    options.iterations = iterations_;
+    options.repetitions = repetitions_;
+    options.scene = scene_;
+    if (visibility_ == VisibilityChoice::kBoth)
+      throw InputError("--visibility: times are of one visibility at once");
+    if (visibility_ == VisibilityChoice::kNear) options.scene.visibility = Visibility::kNear;
+    options.solver = solver_;
+    const std::vector<TimingCase> cases =
+        benchmark_ == Benchmark::kIterations ? ConfigCases(bundle_) : WireframeFormCases(bundle_);
+    const std::vector<Timing> timings = TimeIterations(options, cases);
+    Print(invocation, TimingTables(options, cases, timings), TimingsToJson(timings));
+  }
+
+  static void Print(const Invocation& invocation, const std::vector<Table>& tables,
+                    const nlohmann::json& results) {
+    std::string text;
+    for (const Table& table : tables) text += (text.empty() ? "" : "\n") + table.Markdown();
+    PrintResult(invocation.json ? nlohmann::json{{"results", results}}.dump(2) + "\n" : text);
+  }
+
+  Benchmark benchmark_ = Benchmark::kIterations;
+  std::vector<double> num_images_;
+  BundleProblemOptions scene_;
+  VisibilityChoice visibility_ = VisibilityChoice::kDefault;
+  SchurChoice schur_ = SchurChoice::kBoth;
+  int num_seeds_ = 10;
+  int iterations_ = 20;
+  int repetitions_ = 3;
+  AlignmentBasis alignment_ = AlignmentBasis::kAuto;
+  BundleOptions bundle_;
+  SolverOptions solver_;
+};
+
+}  // namespace
+
+Command BenchCommand() {
+  return {
+      .name = "bench",
+      .summary = "Measure speed and accuracy on synthetic scenes",
+      .details =
+          "The scenes are those of `holba synthesize`. Tables are printed as Markdown, with --json "
+          "the results as one "
+          "object.\n\niterations, wireframe_form: exactly --iterations iterations from the start "
+          "with all tolerances 0; "
+          "all cases of one size are run in turn, and the turns repeated. A time is the least over "
+          "the repetitions "
+          "of the median over the accepted iterations after the first.\n\naccuracy: adjusts "
+          "--num_seeds scenes with every "
+          "configuration, and with Holistic at weights 5 for members of groups and 1 for the "
+          "wireframe. Rows without "
+          "lines or planes estimate them afterwards with the cameras held.\n\nWhat a benchmark "
+          "compares, it sets "
+          "itself: Bundle.config, and for times Bundle.wireframe_form, Solver.linear_solver, the "
+          "tolerances and Solver.max_num_iterations. A point or line loss auto counts as Cauchy at "
+          "its scale in "
+          "times.",
+      .supports_json = true,
+      .make_job = [] { return std::make_unique<BenchJob>(); }};
+}
+
+}  // namespace holba

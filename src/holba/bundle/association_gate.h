@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Which members of groups and which point-line incidences agree with the features as they are seen. Each association is a
+// hypothesis: it is tested against the covariance of the feature estimated without it, never against the residual that it
+// has helped to make small.
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "holba/scene/types.h"
+
+namespace holba {
+
+class Reconstruction;
+struct BundleProblem;
+
+// Associations that take no part in an adjustment.
+struct AssociationFilter {
+  std::set<std::pair<group3D_t, point3D_t>> points;
+  std::set<std::pair<group3D_t, line3D_t>> lines;
+  std::set<std::pair<point3D_t, line3D_t>> edges;
+  std::set<group3D_t> groups;  // with all their members and relations
+};
+
+struct AssociationCount {
+  size_t tested = 0;
+  size_t rejected = 0;
+};
+
+struct AssociationReport {
+  AssociationFilter filter;
+  // By "PLANE points", "VP lines", "wireframe edges", ...
+  std::map<std::string, AssociationCount> counts;
+  size_t groups_dropped = 0;
+  // Parameters (plain values of the file) of the groups that were kept, estimated robustly from their members.
+  std::map<group3D_t, std::vector<double>> group_params;
+};
+
+// Tests every association of the model. `features` is a problem of points and lines alone (configuration point_line, the
+// current cameras), solved: it holds the features' values, and their covariances follow from its Jacobians with the cameras
+// held and the noise measured from its residuals. Groups are re-estimated by RANSAC on distances in standard deviations
+// (the model's own parameters being one hypothesis). Repeatable.
+AssociationReport TestAssociations(const Reconstruction& model, const BundleProblem& features);
+
+}  // namespace holba

@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/io/model_io.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "holba/base/check.h"
+#include "holba/io/holistic_json.h"
+#include "holba/io/test_models.h"
+#include "holba/scene/random_model.h"
+
+namespace holba {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+void WriteSmallModel(const fs::path& folder) {
+  for (const auto& [name, text] : SmallModelText()) WriteBytes(folder / (name + ".txt"), text);
+  WriteBytes(folder / "holistic.json", kSmallModelJson);
+}
+
+std::string MessageOfReading(const fs::path& folder) {
+  try {
+    ReadModel(folder);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ModelIo, AFolderIsWrittenAndReadInEitherFormat) {
+  const TestFolder folder;
+  for (uint64_t seed = 0; seed < 6; ++seed) {
+    const Reconstruction model =
+        RandomModel(seed, {.with_rigs = seed % 2 == 0, .with_structure = seed % 3 != 0});
+    for (const ModelFormat format : {ModelFormat::kText, ModelFormat::kBinary}) {
+      const fs::path path = folder / "new" / std::to_string(seed) / Extension(format);
+      WriteModel(model, path, format);
+      EXPECT_EQ(Fingerprint(ReadModel(path)), Fingerprint(model));
+      EXPECT_EQ(FindModelFormat(path), format);
+    }
+  }
+}
+
+TEST(ModelIo, FilesOfTextAreReproducedAsTheyWere) {
+  const TestFolder folder;
+  WriteSmallModel(folder / "in");
+  WriteModel(ReadModel(folder / "in"), folder / "bin", ModelFormat::kBinary);
+  WriteModel(ReadModel(folder / "bin"), folder / "out", ModelFormat::kText);
+  ASSERT_EQ(ListFolder(folder / "out"), ListFolder(folder / "in"));
+  for (const std::string& name : ListFolder(folder / "in")) {
+    EXPECT_EQ(ReadFileBytes(folder / "out" / name), ReadFileBytes(folder / "in" / name)) << name;
+  }
+}
+
+TEST(ModelIo, APlainColmapModelStaysPlain) {
+  const TestFolder folder;
+  WriteModel(RandomModel(1, {.with_rigs = false, .with_structure = false}), folder / "m",
+             ModelFormat::kBinary);
+  EXPECT_THAT(ListFolder(folder / "m"), ElementsAre("cameras.bin", "images.bin", "points3D.bin"));
+}
+
+TEST(ModelIo, WritingReplacesTheWholeSetAndKeepsWhatIsNotOurs) {
+  const TestFolder folder;
+  const fs::path path = folder / "m";
+  WriteModel(RandomModel(1), path, ModelFormat::kText);
+  WriteBytes(path / "project.ini", "settings");
+  WriteBytes(path / "notes" / "a.txt", "note");
+  fs::create_symlink("project.ini", path / "link");
+  WriteModel(RandomModel(2, {.with_rigs = false, .with_structure = false}), path,
+             ModelFormat::kBinary);
+  EXPECT_THAT(ListFolder(path), ElementsAre("cameras.bin", "images.bin", "link", "notes",
+                                            "points3D.bin", "project.ini"));
+  EXPECT_EQ(ReadFileBytes(path / "project.ini"), "settings");
+  EXPECT_EQ(ReadFileBytes(path / "notes" / "a.txt"), "note");
+  EXPECT_EQ(fs::read_symlink(path / "link"), "project.ini");
+  EXPECT_THAT(ListFolder(folder.path()), ElementsAre("m"));  // no stage is left
+}
+
+TEST(ModelIo, TheCurrentFolderIsWrittenInPlace) {
+  const TestFolder folder;
+  const fs::path path = folder / "m", before = fs::current_path();
+  WriteModel(RandomModel(1), path, ModelFormat::kText);
+  WriteBytes(path / "project.ini", "settings");
+  const Reconstruction model = RandomModel(3, {.with_rigs = false});
+  fs::current_path(path);
+  WriteModel(model, ".", ModelFormat::kBinary);
+  const std::string read = Fingerprint(ReadModel("."));
+  fs::current_path(before);
+  EXPECT_EQ(read, Fingerprint(model));
+  EXPECT_EQ(FindModelFormat(path), ModelFormat::kBinary);
+  EXPECT_FALSE(fs::exists(path / "cameras.txt"));
+  EXPECT_FALSE(fs::exists(path / "rigs.txt"));
+  EXPECT_TRUE(fs::exists(path / "project.ini"));
+  EXPECT_THAT(ListFolder(folder.path()), ElementsAre("m"));
+}
+
+TEST(ModelIo, ALinkToAFolderStaysALink) {
+  const TestFolder folder;
+  fs::create_directories(folder / "real");
+  fs::create_directory_symlink("real", folder / "link");
+  const Reconstruction model = RandomModel(4);
+  WriteModel(model, folder / "link/", ModelFormat::kText);
+  EXPECT_TRUE(fs::is_symlink(folder / "link"));
+  EXPECT_EQ(Fingerprint(ReadModel(folder / "real")), Fingerprint(model));
+}
+
+TEST(ModelIo, AFailureLeavesTheOldModel) {
+  const TestFolder folder;
+  const Reconstruction old = RandomModel(1);
+  WriteModel(old, folder / "m", ModelFormat::kText);
+  Reconstruction unwritable = RandomModel(2);
+  unwritable.images.begin()->second.name = "two\nlines";
+  EXPECT_THROW(WriteModel(unwritable, folder / "m", ModelFormat::kText), InputError);
+  unwritable.points3D.begin()->second.xyz.x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(WriteModel(unwritable, folder / "m", ModelFormat::kText), CheckError);
+  EXPECT_EQ(Fingerprint(ReadModel(folder / "m")), Fingerprint(old));
+  EXPECT_THAT(ListFolder(folder.path()), ElementsAre("m"));
+  WriteBytes(folder / "file", "x");
+  EXPECT_THROW(WriteModel(old, folder / "file", ModelFormat::kText), InputError);
+  EXPECT_THROW(WriteModel(old, folder / "file" / "m", ModelFormat::kText), InputError);
+}
+
+TEST(ModelIo, BinaryIsReadFirst) {
+  const TestFolder folder;
+  const Reconstruction binary = RandomModel(2, {.with_rigs = false});
+  WriteModel(RandomModel(1, {.with_rigs = false}), folder / "m", ModelFormat::kText);
+  WriteModel(binary, folder / "b", ModelFormat::kBinary);
+  for (const std::string& name : ListFolder(folder / "b")) {
+    fs::copy_file(folder / "b" / name, folder / "m" / name, fs::copy_options::overwrite_existing);
+  }
+  EXPECT_EQ(Fingerprint(ReadModel(folder / "m")), Fingerprint(binary));
+  // Side files may be of the other format than COLMAP's.
+  for (const char* name : {"cameras", "images", "points3D", "lines2D", "lines3D"}) {
+    fs::remove(folder / "b" / (std::string(name) + ".bin"));
+  }
+  WriteModel(binary, folder / "t", ModelFormat::kText);
+  for (const char* name : {"cameras", "images", "points3D", "lines2D", "lines3D"}) {
+    const std::string file = std::string(name) + ".txt";
+    fs::copy_file(folder / "t" / file, folder / "b" / file);
+  }
+  EXPECT_EQ(Fingerprint(ReadModel(folder / "b")), Fingerprint(binary));
+}
+
+TEST(ModelIo, WhatIsNoModelIsRefused) {
+  const TestFolder folder;
+  EXPECT_THAT(MessageOfReading(folder / "none"), HasSubstr("there is no such folder"));
+  WriteBytes(folder / "file", "x");
+  EXPECT_THAT(MessageOfReading(folder / "file"),
+              HasSubstr("expected a model folder, found a file"));
+  EXPECT_THAT(MessageOfReading(folder.path()), HasSubstr("expected a COLMAP model in this folder"));
+  WriteSmallModel(folder / "m");
+  fs::remove(folder / "m" / "frames.txt");
+  EXPECT_THAT(MessageOfReading(folder / "m"),
+              HasSubstr("expected rigs.txt and frames.txt both or neither, found rigs.txt only"));
+  fs::create_directory(folder / "m" / "frames.txt");
+  EXPECT_THAT(MessageOfReading(folder / "m"),
+              HasSubstr("frames.txt: expected a file, found something else"));
+}
+
+TEST(ModelIo, FilesThatDoNotFitEachOtherNameTheFolder) {
+  const TestFolder folder;
+  WriteSmallModel(folder / "m");
+  WriteBytes(folder / "m" / "points3D.txt", "1 0 0 0 10 20 30 0.5 1 0 2 0\n");
+  for (const char* name : {"groups3D", "groups2D", "wireframe", "relations"}) {
+    fs::remove(folder / "m" / (std::string(name) + ".txt"));
+  }
+  EXPECT_EQ(MessageOfReading(folder / "m"),
+            (folder / "m").string() +
+                ": the files of this model do not fit each other: point 1 of image 1 "
+                "names 3D point 2, which does not exist");
+}
+
+TEST(HolisticJson, PosesThatMovedByMoreThanAPercentOfTheSpreadAreRefused) {
+  const TestFolder folder;
+  const fs::path path = folder / "m";
+  WriteSmallModel(path);
+  const double spread = FrameOf(ReadModel(path)).spread;
+  EXPECT_NEAR(spread, std::sqrt(0.5 / 3.0), 1e-15);
+  for (const double factor : {0.009, 0.011}) {
+    // As a COLMAP tool would: the COLMAP files move, the others do not know.
+    Reconstruction model = ReadFiles(SmallModelText(), ModelFormat::kText);
+    Sim3d sim;
+    sim.translation = Eigen::Vector3d(0, factor * spread, 0);
+    model.Transform(sim);
+    const Files moved = WriteFiles(model, ModelFormat::kText);
+    for (const char* name : {"images", "frames", "points3D"}) {
+      WriteBytes(path / (std::string(name) + ".txt"), moved.at(name));
+    }
+    const std::string message = MessageOfReading(path);
+    if (factor < 0.01) {
+      EXPECT_EQ(message, "");
+    } else {
+      EXPECT_THAT(message, HasSubstr("holistic.json: the side files belong to camera centres"));
+      EXPECT_THAT(message, HasSubstr("more than 1 % of the spread off"));
+      EXPECT_THAT(message, HasSubstr("remove the side files"));
+    }
+  }
+  fs::remove(path / "holistic.json");
+  EXPECT_EQ(MessageOfReading(path), "");  // without it nothing is checked
+}
+
+TEST(HolisticJson, ScaleAndNumberOfImagesAreCheckedToo) {
+  const Reconstruction model = ReadFiles(SmallModelText(), ModelFormat::kText);
+  const ModelFrame stated = ParseHolisticJson(kSmallModelJson, "holistic.json");
+  EXPECT_NO_THROW(CheckFrame(stated, FrameOf(model), "holistic.json"));
+  ModelFrame scaled = stated;
+  scaled.spread *= 1.02;
+  EXPECT_THROW(CheckFrame(stated, scaled, "holistic.json"), InputError);
+  ModelFrame fewer = stated;
+  fewer.num_images = 2;
+  EXPECT_THROW(CheckFrame(stated, fewer, "holistic.json"), InputError);
+}
+
+TEST(HolisticJson, IsWrittenAsFormatSays) {
+  const Reconstruction model = ReadFiles(SmallModelText(), ModelFormat::kText);
+  EXPECT_EQ(HolisticJson(FrameOf(model)), kSmallModelJson);
+}
+
+TEST(HolisticJson, WhatIsMalformedIsRefused) {
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"", "found no valid JSON"},
+      {"{", "found no valid JSON"},
+      {"[]", "expected {\"format\": 1"},
+      {"{\"format\": 2}", "expected \"format\": 1, found 2"},
+      {"{\"format\": \"1\"}", "another version"},
+      {"{\"format\": 1}", "key 'frame' not found"},
+      {R"({"format": 1, "frame": {"num_images": -1, "centroid": [0,0,0], "spread": 1}})",
+       "num_images"},
+      {R"({"format": 1, "frame": {"num_images": 1, "centroid": [0,0], "spread": 1}})", "centroid"},
+      {R"({"format": 1, "frame": {"num_images": 1, "centroid": [0,0,"a"], "spread": 1}})",
+       "centroid"},
+      {R"({"format": 1, "frame": {"num_images": 1, "centroid": [0,0,0], "spread": -1}})",
+       "spread of 0 or more"},
+      {R"({"format": 1, "frame": {"num_images": 1, "centroid": [0,0,0], "spread": 1e999}})",
+       "expected"},
+  };
+  for (const auto& [json, expected] : cases) {
+    try {
+      ParseHolisticJson(json, "holistic.json");
+      ADD_FAILURE() << json;
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), HasSubstr(expected)) << json;
+      EXPECT_THAT(error.what(), testing::StartsWith("holistic.json: "));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace holba
