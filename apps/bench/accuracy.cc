@@ -23,9 +23,9 @@ std::string NameOf(Visibility visibility) {
   return visibility == Visibility::kRandom ? "random" : "near";
 }
 
-void AddErrors(const Reconstruction& model, const Reconstruction& truth, AlignmentBasis alignment,
-               AccuracyRow* row) {
-  const std::optional<GroundTruthErrors> errors = CompareToTruth(model, truth, alignment);
+void AddErrors(const Reconstruction& model, const Reconstruction& truth,
+               const AccuracyOptions& options, AccuracyRow* row) {
+  const std::optional<GroundTruthErrors> errors = CompareToTruth(model, truth, options.alignment);
   HOLBA_CHECK(errors);
   const std::optional<ErrorStats>* const all[] = {
       &errors->rotation_deg,       &errors->position,      &errors->point,
@@ -34,7 +34,7 @@ void AddErrors(const Reconstruction& model, const Reconstruction& truth, Alignme
   row->errors.resize(AccuracyMeasures().size());
   for (size_t m = 0; m < row->errors.size(); ++m) {
     HOLBA_CHECK_MSG(*all[m], "a synthetic scene without " + AccuracyMeasures()[m]);
-    row->errors[m].push_back((*all[m])->rms);
+    row->errors[m].push_back(options.median ? (*all[m])->median : (*all[m])->rms);
   }
 }
 
@@ -55,11 +55,11 @@ std::vector<TimingCase> Methods(const BundleOptions& bundle) {
 }
 
 Table MeanTable(const AccuracyOptions& options, const AccuracyResult& result) {
-  Table table = {
-      fmt::format("{} images, {} visibility: root mean square errors, means over {} seeds",
-                  options.scene.num_images, NameOf(result.visibility), options.num_seeds),
-      {"method"},
-      {}};
+  Table table = {fmt::format("{} images, {} visibility: {} errors, means over {} seeds",
+                             options.scene.num_images, NameOf(result.visibility),
+                             options.median ? "median" : "root mean square", options.num_seeds),
+                 {"method"},
+                 {}};
   for (const std::string& measure : AccuracyMeasures()) table.header.push_back(measure);
   table.header.push_back("iterations");
   for (const AccuracyRow& row : result.rows) {
@@ -118,14 +118,14 @@ std::vector<AccuracyResult> MeasureAccuracy(const AccuracyOptions& options) {
       scene.visibility = visibility;
       scene.seed += i;
       const SyntheticProblem problem = MakeBundleProblem(scene);
-      AddErrors(problem.perturbed, problem.truth, options.alignment, &result.rows[0]);
+      AddErrors(problem.perturbed, problem.truth, options, &result.rows[0]);
       for (size_t m = 0; m < methods.size(); ++m) {
         AccuracyRow& row = result.rows[m + 1];
         Reconstruction model = problem.perturbed;
         const BundleSummary summary = AdjustBundle(methods[m].bundle, options.solver, &model);
         row.iterations.push_back(summary.solver.iterations);
         row.seconds.push_back(summary.solver.total_seconds);
-        AddErrors(model, problem.truth, options.alignment, &row);
+        AddErrors(model, problem.truth, options, &row);
       }
       LogInfo("{} visibility: seed {} of {}", NameOf(visibility), i + 1, options.num_seeds);
     }
@@ -152,7 +152,7 @@ nlohmann::json AccuracyToJson(const std::vector<AccuracyResult>& results) {
       nlohmann::json errors = nlohmann::json::object();
       for (size_t m = 0; m < row.errors.size(); ++m) errors[AccuracyMeasures()[m]] = row.errors[m];
       methods.push_back({{"method", row.method},
-                         {"rms_by_seed", errors},
+                         {"errors_by_seed", errors},
                          {"iterations_by_seed", row.iterations},
                          {"seconds_by_seed", row.seconds}});
     }

@@ -21,9 +21,11 @@ struct AccuracyOptions {
   BundleOptions bundle;        // configuration apart
   SolverOptions solver;
   AlignmentBasis alignment = AlignmentBasis::kAuto;
+  // Of the errors of one scene: the median instead of the root mean square.
+  bool median = false;
 };
 
-// Root mean square errors of one method, one number per seed, by the names of AccuracyMeasures().
+// Errors of one method, one number per seed, by the names of AccuracyMeasures().
 struct AccuracyRow {
   std::string method;
   std::vector<std::vector<double>> errors;

@@ -20,10 +20,12 @@ class AdjustJob : public Job {
     table->Required();
     table->Field("output_path", &output_path_, "Model folder; for a BAL file, a BAL file.");
     table->Required();
-    table->Choice("output_type", &format_, {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
+    table->Choice("output_type", &format_,
+                  {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
                   "Format of the model folder.");
     table->Field("group_measurements_path", &measurements_path_,
-                 "Text file of directions of groups measured in images, lines of IMAGE_ID GROUP3D_ID DX DY DZ SIGMA_DEG "
+                 "Text file of directions of groups measured in images, lines of IMAGE_ID "
+                 "GROUP3D_ID DX DY DZ SIGMA_DEG "
                  "(camera frame).");
     bundle_.Describe(table);
     solver_.Describe(table);
@@ -33,7 +35,8 @@ class AdjustJob : public Job {
     const bool is_bal = std::filesystem::is_regular_file(input_path_);
     Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_);
     std::vector<GroupMeasurement> measurements;
-    if (!measurements_path_.empty()) measurements = ReadGroupMeasurements(measurements_path_, model);
+    if (!measurements_path_.empty())
+      measurements = ReadGroupMeasurements(measurements_path_, model);
 
     bundle_.SetDefaultLosses(is_bal);
     solver_.on_iteration = [](const IterationRecord& record) {
@@ -41,8 +44,9 @@ class AdjustJob : public Job {
       LogInfo("{}", IterationLine(record));
       return true;
     };
-    const BundleSummary summary = AdjustBundle(bundle_, solver_, &model, measurements,
-                                               [](const std::string& text) { LogInfo("{}", text); });
+    const BundleSummary summary =
+        AdjustBundle(bundle_, solver_, &model, measurements,
+                     [](const std::string& text) { LogInfo("{}", text); });
 
     if (is_bal) {
       WriteBal(model, output_path_);
@@ -66,8 +70,10 @@ class AdjustJob : public Job {
 Command AdjustCommand() {
   return {.name = "adjust",
           .summary = "Adjust cameras, points, lines, groups and wireframe of a model together",
-          .details = "Prints a line per iteration on stderr (cost by kind of term, step, damping, time) and a summary on\n"
-                     "stdout; --json gives the summary as one object.",
+          .details =
+              "Prints a line per iteration on stderr (cost by kind of term, step, damping, time) "
+              "and a summary on\n"
+              "stdout; --json gives the summary as one object.",
           .supports_json = true,
           .make_job = [] { return std::make_unique<AdjustJob>(); }};
 }

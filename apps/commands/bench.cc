@@ -63,6 +63,8 @@ class BenchJob : public Job {
                    {"centres", AlignmentBasis::kCentres},
                    {"centres_and_points", AlignmentBasis::kCentresAndPoints}},
                   "What aligns a result with the truth in the benchmark accuracy.");
+    table->Choice("statistic", &median_, {{"rms", false}, {"median", true}},
+                  "What sums up the errors of one scene in the benchmark accuracy.");
     table->Field("iterations", &iterations_, AtLeast(2),
                  "Iterations timed in one run; the first one is left out.");
     table->Field("repetitions", &repetitions_, AtLeast(1),
@@ -101,6 +103,7 @@ class BenchJob : public Job {
     options.bundle = bundle_;
     options.solver = solver_;
     options.alignment = alignment_;
+    options.median = median_;
     const std::vector<AccuracyResult> results = MeasureAccuracy(options);
     Print(invocation, AccuracyTables(options, results), AccuracyToJson(results));
   }
@@ -140,6 +143,7 @@ class BenchJob : public Job {
   int iterations_ = 20;
   int repetitions_ = 3;
   AlignmentBasis alignment_ = AlignmentBasis::kAuto;
+  bool median_ = false;
   BundleOptions bundle_;
   SolverOptions solver_;
 };

@@ -20,7 +20,9 @@ namespace {
 nlohmann::json TruthErrorsToJson(const Reconstruction& model, const Reconstruction& truth,
                                  const std::string& truth_path) {
   const std::optional<GroundTruthErrors> errors = CompareToTruth(model, truth);
-  if (!errors) throw InputError(truth_path, "has no image in common with the model: errors cannot be measured");
+  if (!errors)
+    throw InputError(truth_path,
+                     "has no image in common with the model: errors cannot be measured");
   nlohmann::json object = nlohmann::json::object();
   for (const auto& [name, value] : errors->Named()) object[name] = value;
   return object;
@@ -31,8 +33,9 @@ class EvaluateJob : public Job {
   void Describe(OptionTable* table) override {
     table->Field("input_path", &input_path_, "Model folder, or a BAL file.");
     table->Required();
-    table->Field("ground_truth_path", &ground_truth_path_,
-                 "True model with the same ids: adds errors of poses and geometry after a similarity.");
+    table->Field(
+        "ground_truth_path", &ground_truth_path_,
+        "True model with the same ids: adds errors of poses and geometry after a similarity.");
     table->Field("group_measurements_path", &measurements_path_,
                  "Text file of directions of groups measured in images, as for adjust.");
   }
@@ -41,21 +44,26 @@ class EvaluateJob : public Job {
     const bool is_bal = std::filesystem::is_regular_file(input_path_);
     const Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_);
     std::vector<GroupMeasurement> measurements;
-    if (!measurements_path_.empty()) measurements = ReadGroupMeasurements(measurements_path_, model);
+    if (!measurements_path_.empty())
+      measurements = ReadGroupMeasurements(measurements_path_, model);
     const std::vector<TermCost> terms = EvaluateModel(model, measurements);
     nlohmann::json result = {{"terms", TermsToJson(terms)}};
     if (!ground_truth_path_.empty()) {
-      result["ground_truth"] = TruthErrorsToJson(model, ReadModel(ground_truth_path_), ground_truth_path_);
+      result["ground_truth"] =
+          TruthErrorsToJson(model, ReadModel(ground_truth_path_), ground_truth_path_);
     }
     if (invocation.json) {
       PrintResult(result.dump(2) + "\n");
       return;
     }
-    std::string text = fmt::format("{:<18} {:>10} {:>8} {:>16} {:>12}\n", "term", "residuals", "absent", "sum of squares", "rms");
+    std::string text = fmt::format("{:<18} {:>10} {:>8} {:>16} {:>12}\n", "term", "residuals",
+                                   "absent", "sum of squares", "rms");
     for (const TermCost& term : terms) {
       const size_t present = term.residuals - term.absent;
-      text += fmt::format("{:<18} {:>10} {:>8} {:>16.8g} {:>12.5g}\n", term.term, present, term.absent,
-                          term.sum_squares, present ? std::sqrt(term.sum_squares / static_cast<double>(present)) : 0.0);
+      text +=
+          fmt::format("{:<18} {:>10} {:>8} {:>16.8g} {:>12.5g}\n", term.term, present, term.absent,
+                      term.sum_squares,
+                      present ? std::sqrt(term.sum_squares / static_cast<double>(present)) : 0.0);
     }
     if (result.contains("ground_truth")) {
       for (const auto& [name, value] : result["ground_truth"].items()) {
@@ -76,8 +84,10 @@ class EvaluateJob : public Job {
 Command EvaluateCommand() {
   return {.name = "evaluate",
           .summary = "Cost of a model by kind of term, and its errors against a true model",
-          .details = "The sums of squares are of the residuals as they are, before weights and robust losses; a residual\n"
-                     "that is undefined at the model (behind the camera) is counted as absent.",
+          .details =
+              "The sums of squares are of the residuals as they are, before weights and robust "
+              "losses; a residual\n"
+              "that is undefined at the model (behind the camera) is counted as absent.",
           .supports_json = true,
           .make_job = [] { return std::make_unique<EvaluateJob>(); }};
 }

@@ -15,7 +15,8 @@ namespace {
 
 // Median of |x| of a normal distribution is 0.6745 sigma.
 constexpr double kSigmaPerMedian = 1.4826;
-// Annealing starts at this multiple of the goal and halves: wide enough to keep what the start has wrong.
+// Annealing starts at this multiple of the goal and halves: wide enough to keep what the start has
+// wrong.
 constexpr double kStartMultiple = 8.0;
 // Scales that differ less than this are the same.
 constexpr double kScaleTolerance = 0.02;
@@ -54,7 +55,8 @@ void Accumulate(const SolverSummary& round, SolverSummary* sum) {
   *sum = std::move(merged);
 }
 
-// Terms whose loss scale is measured. Scales outlive a problem: the next one begins where the last ended.
+// Terms whose loss scale is measured. Scales outlive a problem: the next one begins where the last
+// ended.
 class AutoScales {
  public:
   explicit AutoScales(const BundleOptions& options) : options_(options) {}
@@ -65,7 +67,9 @@ class AutoScales {
     terms_.clear();
     for (const auto& batch : problem.batches()) {
       const std::string& term = batch->term();
-      if (options_[FamilyOf(term)].loss != LossChoice::kAuto || term.ends_with("_3d") || terms_.contains(term)) continue;
+      if (options_[FamilyOf(term)].loss != LossChoice::kAuto || term.ends_with("_3d") ||
+          terms_.contains(term))
+        continue;
       terms_.insert(term);
       if (scales_.contains(term)) continue;
       fresh = true;
@@ -99,7 +103,8 @@ class AutoScales {
   }
   void Apply(const Problem& problem) const {
     for (const auto& batch : problem.batches()) {
-      if (terms_.contains(batch->term())) batch->loss = {LossType::kCauchy, scales_.at(batch->term())};
+      if (terms_.contains(batch->term()))
+        batch->loss = {LossType::kCauchy, scales_.at(batch->term())};
     }
   }
 
@@ -115,15 +120,18 @@ class AutoScales {
   std::map<std::string, double> sigmas_;
 };
 
-// Estimates what the configuration left out, with everything that took part held: first lines on their own, then
-// groups on the features as they are.
+// Estimates what the configuration left out, with everything that took part held: first lines on
+// their own, then groups on the features as they are.
 void RefitOthers(BundleOptions options, SolverOptions solver_options, Reconstruction* model) {
-  const bool lines = options.config < BundleConfig::kPointLine && !model->lines3D.empty() && !options.fix_lines;
-  const bool groups = options.config < BundleConfig::kGroups && !model->groups3D.empty() && !options.fix_groups;
+  const bool lines =
+      options.config < BundleConfig::kPointLine && !model->lines3D.empty() && !options.fix_lines;
+  const bool groups =
+      options.config < BundleConfig::kGroups && !model->groups3D.empty() && !options.fix_groups;
   solver_options.on_iteration = nullptr;
   options.refit_others = false;
   options.fix_poses = options.fix_points = true;
-  options.refine_focal_length = options.refine_principal_point = options.refine_extra_params = false;
+  options.refine_focal_length = options.refine_principal_point = options.refine_extra_params =
+      false;
   if (lines) {
     options.config = BundleConfig::kPointLine;
     AdjustBundle(options, solver_options, model);
@@ -141,7 +149,8 @@ double RobustSigmaPx(const Problem& problem, const std::string& term) {
   std::vector<double> values = ResidualNorms(problem, term, true);
   if (term == "line" || term == "group_line") {
     // Perpendicular vectors, two components each: their length is the distance.
-    for (size_t i = 0; i + 1 < values.size(); i += 2) values[i / 2] = std::hypot(values[i], values[i + 1]);
+    for (size_t i = 0; i + 1 < values.size(); i += 2)
+      values[i / 2] = std::hypot(values[i], values[i + 1]);
     values.resize(values.size() / 2);
   }
   return kSigmaPerMedian * Median(&values);
@@ -176,7 +185,8 @@ class Adjuster {
     bundle.problem.state() = start;
     summary_.solver.initial_terms = EvaluateTerms(bundle.problem);
     summary_.solver.initial_cost = 0.0;
-    for (const TermCost& term : summary_.solver.initial_terms) summary_.solver.initial_cost += term.cost;
+    for (const TermCost& term : summary_.solver.initial_terms)
+      summary_.solver.initial_cost += term.cost;
     return std::move(summary_);
   }
 
@@ -186,8 +196,8 @@ class Adjuster {
            (!model_.groups3D.empty() || !model_.wireframe.empty());
   }
 
-  // Points and lines alone, then rounds of testing and adjusting. Leaves the model near the optimum of the associations
-  // that it returns.
+  // Points and lines alone, then rounds of testing and adjusting. Leaves the model near the optimum
+  // of the associations that it returns.
   AssociationFilter Gate() {
     BundleOptions features_only = options_;
     features_only.config = BundleConfig::kPointLine;
@@ -199,7 +209,8 @@ class Adjuster {
     }
     // Features as seen, at the cameras of the round: without the pull of what is to be tested.
     features_only.fix_poses = true;
-    features_only.refine_focal_length = features_only.refine_principal_point = features_only.refine_extra_params = false;
+    features_only.refine_focal_length = features_only.refine_principal_point =
+        features_only.refine_extra_params = false;
     AssociationReport report;
     for (int round = 0; round < options_.gate_rounds && !stopped_; ++round) {
       BundleProblem features = BuildProblem(model_, features_only);
@@ -225,7 +236,8 @@ class Adjuster {
     if (!log_) return;
     std::string text;
     for (const auto& [kind, count] : report.counts) {
-      text += fmt::format("{} {} of {} {}", text.empty() ? "" : ",", count.rejected, count.tested, kind);
+      text += fmt::format("{} {} of {} {}", text.empty() ? "" : ",", count.rejected, count.tested,
+                          kind);
     }
     log_(fmt::format("Associations left out:{}; groups: {}", text, report.groups_dropped));
   }
@@ -265,8 +277,9 @@ class Adjuster {
 
 }  // namespace
 
-BundleSummary AdjustBundle(const BundleOptions& given, const SolverOptions& solver_options, Reconstruction* model,
-                           std::span<const GroupMeasurement> measurements, const RoundLog& log) {
+BundleSummary AdjustBundle(const BundleOptions& given, const SolverOptions& solver_options,
+                           Reconstruction* model, std::span<const GroupMeasurement> measurements,
+                           const RoundLog& log) {
   const Timer timer;
   BundleOptions options = given;
   options.SetDefaultLosses(false);
@@ -277,13 +290,15 @@ BundleSummary AdjustBundle(const BundleOptions& given, const SolverOptions& solv
   return summary;
 }
 
-std::vector<TermCost> EvaluateModel(const Reconstruction& model, std::span<const GroupMeasurement> measurements) {
+std::vector<TermCost> EvaluateModel(const Reconstruction& model,
+                                    std::span<const GroupMeasurement> measurements) {
   const BundleProblem bundle = BuildProblem(model, BundleOptions(), measurements);
   const std::vector<TermCost> found = EvaluateTerms(bundle.problem);
   std::vector<TermCost> terms;
-  for (const char* name : {"point", "line", "group_point", "group_line", "vp", "wireframe_point", "wireframe_line",
-                           "relation", "group_measurement"}) {
-    const auto it = std::find_if(found.begin(), found.end(), [&](const TermCost& t) { return t.term == name; });
+  for (const char* name : {"point", "line", "group_point", "group_line", "vp", "wireframe_point",
+                           "wireframe_line", "relation", "group_measurement"}) {
+    const auto it =
+        std::find_if(found.begin(), found.end(), [&](const TermCost& t) { return t.term == name; });
     if (it != found.end()) {
       terms.push_back(*it);
     } else if (std::string_view(name) != "group_measurement") {

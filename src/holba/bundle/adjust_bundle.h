@@ -16,11 +16,11 @@
 namespace holba {
 
 struct BundleSummary {
-  // Of the whole adjustment: times and iterations are sums over rounds; initial and final costs are both taken with the
-  // losses of the last round, so that they compare.
+  // Of the whole adjustment: times and iterations are sums over rounds; initial and final costs are
+  // both taken with the losses of the last round, so that they compare.
   SolverSummary solver;
-  // Scale of the loss of each term where it was `auto`, after the last round, px; and the robust standard deviation
-  // of its residuals then.
+  // Scale of the loss of each term where it was `auto`, after the last round, px; and the robust
+  // standard deviation of its residuals then.
   std::map<std::string, double> auto_scales_px;
   std::map<std::string, double> auto_sigmas_px;
   int rounds = 0;  // of solving
@@ -32,19 +32,23 @@ struct BundleSummary {
 // Called at the start of each round with a sentence about it, for logs.
 using RoundLog = std::function<void(const std::string&)>;
 
-// Adjusts the model in place. With structure in the configuration and options.gate: first points and lines alone, then rounds of
-// testing the associations and adjusting all of it with those that passed (membership in the model does not change). Losses `auto` are annealed: rounds of Cauchy whose scale halves down to
-// options.auto_num_sigmas robust standard deviations, measured anew after every round; the last round runs to convergence.
-// The model must be consistent.
-BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& solver_options, Reconstruction* model,
-                           std::span<const GroupMeasurement> measurements = {}, const RoundLog& log = {});
+// Adjusts the model in place. With structure in the configuration and options.gate: first points
+// and lines alone, then rounds of testing the associations and adjusting all of it with those that
+// passed (membership in the model does not change). Losses `auto` are annealed: rounds of Cauchy
+// whose scale halves down to options.auto_num_sigmas robust standard deviations, measured anew
+// after every round; the last round runs to convergence. The model must be consistent.
+BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& solver_options,
+                           Reconstruction* model,
+                           std::span<const GroupMeasurement> measurements = {},
+                           const RoundLog& log = {});
 
-// Number of residuals and sum of squares of every term of FORMAT.md at the model as it stands (all eight, also the
-// empty ones), then those of measurements if given.
-std::vector<TermCost> EvaluateModel(const Reconstruction& model, std::span<const GroupMeasurement> measurements = {});
+// Number of residuals and sum of squares of every term of FORMAT.md at the model as it stands (all
+// eight, also the empty ones), then those of measurements if given.
+std::vector<TermCost> EvaluateModel(const Reconstruction& model,
+                                    std::span<const GroupMeasurement> measurements = {});
 
-// Standard deviation of the residuals of a term in px, from the median (so that outliers do not count); of lines: of
-// the distances of single end points. 0 without residuals.
+// Standard deviation of the residuals of a term in px, from the median (so that outliers do not
+// count); of lines: of the distances of single end points. 0 without residuals.
 double RobustSigmaPx(const Problem& problem, const std::string& term);
 
 }  // namespace holba

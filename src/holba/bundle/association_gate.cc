@@ -18,7 +18,8 @@ namespace {
 // 99 % quantiles of the chi-square distribution with 1 and 2 degrees of freedom.
 constexpr double kMaxChiSquare1 = 6.63;
 constexpr double kMaxChiSquare2 = 9.21;
-// Lines of one vanishing point are parallel up to this, as its weight of 5e3 on the cost says (1 / sqrt(5e3)).
+// Lines of one vanishing point are parallel up to this, as its weight of 5e3 on the cost says (1 /
+// sqrt(5e3)).
 constexpr double kParallelSigmaRad = 0.81 * std::numbers::pi / 180.0;
 // A surface through fewer members, or through a smaller share of them, is chance.
 constexpr size_t kMinMembers = 5;
@@ -60,7 +61,8 @@ void AddInformation(const Problem& problem, const std::string& term, double sigm
       double s = 0.0, rho[3];
       for (int k = 0; k < batch->dim(); ++k) s += residual[k] * residual[k];
       batch->loss.Evaluate(s, rho);
-      const Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, N, Eigen::RowMajor>> J(jacobian, batch->dim(), N);
+      const Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, N, Eigen::RowMajor>> J(
+          jacobian, batch->dim(), N);
       auto [it, fresh] = information->try_emplace(batch->block(i, 0));
       if (fresh) it->second.setZero();
       it->second += (rho[1] / (sigma * sigma)) * J.transpose() * J;
@@ -75,14 +77,17 @@ Eigen::Matrix<double, N, N> InverseOf(Eigen::Matrix<double, N, N> information) {
   return information.ldlt().solve(Eigen::Matrix<double, N, N>::Identity());
 }
 
-// Noise of one observed coordinate, px: the residuals' own deviation is smaller, for the features were fitted to them.
-double NoisePx(const Problem& problem, const std::string& term, double per_residual, double unknowns) {
+// Noise of one observed coordinate, px: the residuals' own deviation is smaller, for the features
+// were fitted to them.
+double NoisePx(const Problem& problem, const std::string& term, double per_residual,
+               double unknowns) {
   double coordinates = 0.0;
   for (const auto& batch : problem.batches()) {
     if (batch->term() == term) coordinates += per_residual * static_cast<double>(batch->size());
   }
   const double redundancy = std::max(coordinates - unknowns, 0.1 * coordinates);
-  return std::max(RobustSigmaPx(problem, term), 1e-6) * std::sqrt(coordinates / std::max(redundancy, 1.0));
+  return std::max(RobustSigmaPx(problem, term), 1e-6) *
+         std::sqrt(coordinates / std::max(redundancy, 1.0));
 }
 
 class Tester {
@@ -91,12 +96,15 @@ class Tester {
     const Problem& problem = features.problem;
     std::unordered_map<BlockId, Eigen::Matrix3d> point_information;
     std::unordered_map<BlockId, Eigen::Matrix4d> line_information;
-    AddInformation<3>(problem, "point", NoisePx(problem, "point", 2, 3.0 * features.points.size()), &point_information);
-    AddInformation<4>(problem, "line", NoisePx(problem, "line", 2, 4.0 * features.lines.size()), &line_information);
+    AddInformation<3>(problem, "point", NoisePx(problem, "point", 2, 3.0 * features.points.size()),
+                      &point_information);
+    AddInformation<4>(problem, "line", NoisePx(problem, "line", 2, 4.0 * features.lines.size()),
+                      &line_information);
     for (const auto& [id, block] : features.points) {
       const auto it = point_information.find(block);
       if (it == point_information.end()) continue;
-      points_[id] = {Eigen::Map<const Eigen::Vector3d>(problem.values(block)), InverseOf<3>(it->second)};
+      points_[id] = {Eigen::Map<const Eigen::Vector3d>(problem.values(block)),
+                     InverseOf<3>(it->second)};
     }
     for (const auto& [id, block] : features.lines) {
       const auto it = line_information.find(block);
@@ -126,7 +134,8 @@ class Tester {
   }
 
  private:
-  // Squared distance to the surface in standard deviations, 1 dof. Infinite where the projection is undefined.
+  // Squared distance to the surface in standard deviations, 1 dof. Infinite where the projection is
+  // undefined.
   static double ChiSquare(const GroupType& type, const double* g, const PointEstimate& point) {
     Eigen::Vector3d on_group;
     if (!type.project_point(g, point.X, &on_group)) return HUGE_VAL;
@@ -136,7 +145,8 @@ class Tester {
     return squared * squared / offset.dot(point.covariance * offset);
   }
 
-  // Of a line on a surface: the offsets of its two ends, 2 dof. Of a line of a vanishing point: its two angles.
+  // Of a line on a surface: the offsets of its two ends, 2 dof. Of a line of a vanishing point: its
+  // two angles.
   static double ChiSquare(const GroupType& type, const double* g, const LineEstimate& line) {
     if (type.IsParallelism()) {
       Eigen::Vector3d v;
@@ -159,7 +169,8 @@ class Tester {
       if (!type.project_point(g, X, &on_group)) return HUGE_VAL;
       const Eigen::Vector3d offset = X - on_group;
       e[k] = offset.norm();
-      const Eigen::Vector3d normal = e[k] > 0 ? Eigen::Vector3d(offset / e[k]) : Eigen::Vector3d::Zero();
+      const Eigen::Vector3d normal =
+          e[k] > 0 ? Eigen::Vector3d(offset / e[k]) : Eigen::Vector3d::Zero();
       if (k == 1 && J.row(0).tail<2>().dot(normal.transpose() * line.basis) < 0) e[k] = -e[k];
       const Eigen::RowVector2d along = (e[k] < 0 ? -1.0 : 1.0) * normal.transpose() * line.basis;
       J.row(k) << positions[k] * along, along;
@@ -194,8 +205,10 @@ class Tester {
   // Sum of truncated chi-squares, each as a share of its bound: smaller is better, size() at worst.
   static double Score(const GroupType& type, const double* g, const Members& members) {
     double score = 0.0;
-    for (const auto& [id, point] : members.points) score += std::min(1.0, ChiSquare(type, g, *point) / kMaxChiSquare1);
-    for (const auto& [id, line] : members.lines) score += std::min(1.0, ChiSquare(type, g, *line) / kMaxChiSquare2);
+    for (const auto& [id, point] : members.points)
+      score += std::min(1.0, ChiSquare(type, g, *point) / kMaxChiSquare1);
+    for (const auto& [id, line] : members.lines)
+      score += std::min(1.0, ChiSquare(type, g, *line) / kMaxChiSquare2);
     return score;
   }
 
@@ -219,8 +232,10 @@ class Tester {
       std::copy_n(trial, type.manifold->ambient, g);
       return true;
     };
-    const bool by_points = type.min_points > 0 && members.points.size() >= static_cast<size_t>(type.min_points);
-    const bool by_lines = type.min_lines > 0 && members.lines.size() >= static_cast<size_t>(type.min_lines);
+    const bool by_points =
+        type.min_points > 0 && members.points.size() >= static_cast<size_t>(type.min_points);
+    const bool by_lines =
+        type.min_lines > 0 && members.lines.size() >= static_cast<size_t>(type.min_lines);
     const int sample_size = by_points ? type.min_points : type.min_lines;
     double needed = (by_points || by_lines) ? kMaxSamples : 0;
     for (int sample = 0; sample < std::min<double>(needed, kMaxSamples); ++sample) {
@@ -293,7 +308,8 @@ class Tester {
       }
     }
     const size_t least = type.IsParallelism() ? kMinLinesOfDirection : kMinMembers;
-    if (accepted < least || static_cast<double>(accepted) < kMinShare * static_cast<double>(members.size())) {
+    if (accepted < least ||
+        static_cast<double>(accepted) < kMinShare * static_cast<double>(members.size())) {
       report_.filter.groups.insert(id);
       ++report_.groups_dropped;
       return;

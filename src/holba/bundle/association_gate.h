@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Which members of groups and which point-line incidences agree with the features as they are seen. Each association is a
-// hypothesis: it is tested against the covariance of the feature estimated without it, never against the residual that it
-// has helped to make small.
+// Which members of groups and which point-line incidences agree with the features as they are seen.
+// Each association is a hypothesis: it is tested against the covariance of the feature estimated
+// without it, never against the residual that it has helped to make small.
 #pragma once
 
 #include <cstddef>
@@ -36,14 +36,16 @@ struct AssociationReport {
   // By "PLANE points", "VP lines", "wireframe edges", ...
   std::map<std::string, AssociationCount> counts;
   size_t groups_dropped = 0;
-  // Parameters (plain values of the file) of the groups that were kept, estimated robustly from their members.
+  // Parameters (plain values of the file) of the groups that were kept, estimated robustly from
+  // their members.
   std::map<group3D_t, std::vector<double>> group_params;
 };
 
-// Tests every association of the model. `features` is a problem of points and lines alone (configuration point_line, the
-// current cameras), solved: it holds the features' values, and their covariances follow from its Jacobians with the cameras
-// held and the noise measured from its residuals. Groups are re-estimated by RANSAC on distances in standard deviations
-// (the model's own parameters being one hypothesis). Repeatable.
+// Tests every association of the model. `features` is a problem of points and lines alone
+// (configuration point_line, the current cameras), solved: it holds the features' values, and their
+// covariances follow from its Jacobians with the cameras held and the noise measured from its
+// residuals. Groups are re-estimated by RANSAC on distances in standard deviations (the model's own
+// parameters being one hypothesis). Repeatable.
 AssociationReport TestAssociations(const Reconstruction& model, const BundleProblem& features);
 
 }  // namespace holba

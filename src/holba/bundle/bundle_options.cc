@@ -16,8 +16,10 @@ constexpr FamilyText kFamilies[] = {
     {TermFamily::kGroup, "group", "_px", "members of planes and primitives"},
     {TermFamily::kVp, "vp", "_sine", "lines of a vanishing point (sine of the angle)"},
     {TermFamily::kWireframe, "wireframe", "_px", "point-line incidences"},
-    {TermFamily::kRelation, "relation", "_sine", "relations between groups (sine or cosine of the angle)"},
-    {TermFamily::kMeasurement, "measurement", "_sigmas", "2D measurements of groups (in their standard deviations)"},
+    {TermFamily::kRelation, "relation", "_sine",
+     "relations between groups (sine or cosine of the angle)"},
+    {TermFamily::kMeasurement, "measurement", "_sigmas",
+     "2D measurements of groups (in their standard deviations)"},
 };
 
 }  // namespace
@@ -34,12 +36,13 @@ void BundleOptions::SetDefaultLosses(bool is_bal) {
 
 void BundleOptions::Describe(OptionTable* table) {
   table->Section("Bundle");
-  table->Choice("config", &config,
-                {{"point", BundleConfig::kPoint},
-                 {"point_line", BundleConfig::kPointLine},
-                 {"groups", BundleConfig::kGroups},
-                 {"holistic", BundleConfig::kHolistic}},
-                "What takes part; each adds to the one before: lines; groups and relations; wireframe.");
+  table->Choice(
+      "config", &config,
+      {{"point", BundleConfig::kPoint},
+       {"point_line", BundleConfig::kPointLine},
+       {"groups", BundleConfig::kGroups},
+       {"holistic", BundleConfig::kHolistic}},
+      "What takes part; each adds to the one before: lines; groups and relations; wireframe.");
   for (const FamilyText& text : kFamilies) {
     TermSettings& settings = (*this)[text.family];
     const std::string name = text.name, what = text.what;
@@ -53,33 +56,47 @@ void BundleOptions::Describe(OptionTable* table) {
                   "Robust loss of the residuals of " + what +
                       "; auto: Cauchy at auto_num_sigmas measured standard deviations"
                       "; default: auto for points and lines of models, trivial for BAL problems.");
-    table->Field(name + "_loss_scale" + text.unit, &settings.loss_scale, GreaterThan(0),
-                 "Residual norm at which that loss departs from the square (auto measures its own).");
-    table->Field(name + "_weight", &settings.weight, AtLeast(0), "Factor on the robustified cost of " + what + ".");
+    table->Field(
+        name + "_loss_scale" + text.unit, &settings.loss_scale, GreaterThan(0),
+        "Residual norm at which that loss departs from the square (auto measures its own).");
+    table->Field(name + "_weight", &settings.weight, AtLeast(0),
+                 "Factor on the robustified cost of " + what + ".");
   }
   table->Field("auto_num_sigmas", &auto_num_sigmas, GreaterThan(0),
                "Scale of the loss auto, in robust standard deviations of the term's residuals.");
-  table->Field("auto_min_scale_px", &auto_min_scale_px, GreaterThan(0), "Smallest scale of the loss auto, pixels.");
+  table->Field("auto_min_scale_px", &auto_min_scale_px, GreaterThan(0),
+               "Smallest scale of the loss auto, pixels.");
   table->Field("gate", &gate,
-               "Whether members of groups and incidences that contradict the features as seen are left out.");
-  table->Field("gate_rounds", &gate_rounds, Between(1, 10), "Rounds of testing associations and adjusting.");
+               "Whether members of groups and incidences that contradict the features as seen are "
+               "left out.");
+  table->Field("gate_rounds", &gate_rounds, Between(1, 10),
+               "Rounds of testing associations and adjusting.");
   table->Field("refine_focal_length", &refine_focal_length, "Whether focal lengths are adjusted.");
-  table->Field("refine_principal_point", &refine_principal_point, "Whether principal points are adjusted.");
-  table->Field("refine_extra_params", &refine_extra_params, "Whether distortion parameters are adjusted.");
+  table->Field("refine_principal_point", &refine_principal_point,
+               "Whether principal points are adjusted.");
+  table->Field("refine_extra_params", &refine_extra_params,
+               "Whether distortion parameters are adjusted.");
   table->Field("fix_poses", &fix_poses, "Whether camera poses are held.");
   table->Field("fix_points", &fix_points, "Whether points are held.");
   table->Field("fix_lines", &fix_lines, "Whether lines are held.");
-  table->Field("fix_groups", &fix_groups, "Whether vanishing points, planes and primitives are held.");
-  table->Choice("gauge", &gauge, {{"two_cams", Gauge::kTwoCams}, {"free", Gauge::kFree}},
-                "What fixes position, orientation and scale: two cameras as in COLMAP, or nothing.");
+  table->Field("fix_groups", &fix_groups,
+               "Whether vanishing points, planes and primitives are held.");
+  table->Choice(
+      "gauge", &gauge, {{"two_cams", Gauge::kTwoCams}, {"free", Gauge::kFree}},
+      "What fixes position, orientation and scale: two cameras as in COLMAP, or nothing.");
   table->Field("refit_others", &refit_others,
-               "Whether features and groups outside the configuration are estimated afterwards with the rest held.");
-  table->Choice("group_form", &group_form, {{"2d", StructureForm::k2d}, {"3d", StructureForm::k3d}},
-                "Residuals of group members: pixels (2d), or distances in model units for comparison (3d).");
-  table->Field("group_3d_weight", &group_3d_weight, AtLeast(0), "Weight of the 3d form of group members.");
-  table->Choice("wireframe_form", &wireframe_form, {{"2d", StructureForm::k2d}, {"3d", StructureForm::k3d}},
-                "Residuals of incidences: pixels (2d), or point-line distances for comparison (3d).");
-  table->Field("wireframe_3d_weight", &wireframe_3d_weight, AtLeast(0), "Weight of the 3d form of incidences.");
+               "Whether features and groups outside the configuration are estimated afterwards "
+               "with the rest held.");
+  table->Choice(
+      "group_form", &group_form, {{"2d", StructureForm::k2d}, {"3d", StructureForm::k3d}},
+      "Residuals of group members: pixels (2d), or distances in model units for comparison (3d).");
+  table->Field("group_3d_weight", &group_3d_weight, AtLeast(0),
+               "Weight of the 3d form of group members.");
+  table->Choice(
+      "wireframe_form", &wireframe_form, {{"2d", StructureForm::k2d}, {"3d", StructureForm::k3d}},
+      "Residuals of incidences: pixels (2d), or point-line distances for comparison (3d).");
+  table->Field("wireframe_3d_weight", &wireframe_3d_weight, AtLeast(0),
+               "Weight of the 3d form of incidences.");
 }
 
 }  // namespace holba

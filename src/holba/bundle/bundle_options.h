@@ -17,10 +17,12 @@ namespace holba {
 
 // The paper's configurations: each adds to the one before.
 enum class BundleConfig { kPoint, kPointLine, kGroups, kHolistic };
-// 2D: reprojection errors in pixels (the method). 3D: distances in model units, for comparison only.
+// 2D: reprojection errors in pixels (the method). 3D: distances in model units, for comparison
+// only.
 enum class StructureForm { k2d, k3d };
-// kTwoCams: COLMAP's; the first frame is held, and of the frame farthest from it the translation coordinate that fixes the
-// scale. Rigs with a known baseline have a scale of their own: then only the first frame is held.
+// kTwoCams: COLMAP's; the first frame is held, and of the frame farthest from it the translation
+// coordinate that fixes the scale. Rigs with a known baseline have a scale of their own: then only
+// the first frame is held.
 enum class Gauge { kTwoCams, kFree };
 enum class LossChoice { kTrivial, kHuber, kSoftL1, kCauchy, kAuto };
 
@@ -40,20 +42,22 @@ struct BundleOptions {
 
   // By TermFamily. Weights and losses of the paper, appendix "Balancing Different Types of Costs".
   std::array<TermSettings, kNumTermFamilies> terms = {{
-      {std::nullopt, 1.0, 1.0},            // point
-      {std::nullopt, 1.0, 1.0},            // line
-      {LossChoice::kCauchy, 1.0, 0.5},     // group_point, group_line
-      {LossChoice::kCauchy, 0.2, 5e3},     // vp
-      {LossChoice::kCauchy, 1.0, 0.1},     // wireframe_point, wireframe_line
-      {LossChoice::kCauchy, 0.2, 5e3},     // relation
-      {LossChoice::kCauchy, 3.0, 1.0},     // group_measurement, in its own standard deviations
+      {std::nullopt, 1.0, 1.0},         // point
+      {std::nullopt, 1.0, 1.0},         // line
+      {LossChoice::kCauchy, 1.0, 0.5},  // group_point, group_line
+      {LossChoice::kCauchy, 0.2, 5e3},  // vp
+      {LossChoice::kCauchy, 1.0, 0.1},  // wireframe_point, wireframe_line
+      {LossChoice::kCauchy, 0.2, 5e3},  // relation
+      {LossChoice::kCauchy, 3.0, 1.0},  // group_measurement, in its own standard deviations
   }};
   // The loss `auto`: Cauchy at this many robust standard deviations of the term's residuals.
   double auto_num_sigmas = 2.0;
-  // Below this scale the noise is that of the localisation of a feature, whatever the residuals say.
+  // Below this scale the noise is that of the localisation of a feature, whatever the residuals
+  // say.
   double auto_min_scale_px = 0.05;
 
-  // Associations that contradict the features as seen take no part (association_gate.h), tested anew in each round.
+  // Associations that contradict the features as seen take no part (association_gate.h), tested
+  // anew in each round.
   bool gate = true;
   int gate_rounds = 3;
 
@@ -65,7 +69,8 @@ struct BundleOptions {
   bool fix_lines = false;
   bool fix_groups = false;
   Gauge gauge = Gauge::kTwoCams;
-  // Features and groups outside the configuration are estimated afterwards, with all that was adjusted held.
+  // Features and groups outside the configuration are estimated afterwards, with all that was
+  // adjusted held.
   bool refit_others = true;
 
   StructureForm group_form = StructureForm::k2d;
@@ -74,13 +79,16 @@ struct BundleOptions {
   double wireframe_3d_weight = 100.0;
 
   TermSettings& operator[](TermFamily family) { return terms[static_cast<size_t>(family)]; }
-  const TermSettings& operator[](TermFamily family) const { return terms[static_cast<size_t>(family)]; }
+  const TermSettings& operator[](TermFamily family) const {
+    return terms[static_cast<size_t>(family)];
+  }
   // The choice of a family for a model (or, `is_bal`, a BAL problem).
   void SetDefaultLosses(bool is_bal);
   void Describe(OptionTable* table);
 };
 
-// A direction of a group measured in one image, in the camera frame: the ray of a vanishing point, or a plane's normal.
+// A direction of a group measured in one image, in the camera frame: the ray of a vanishing point,
+// or a plane's normal.
 struct GroupMeasurement {
   image_t image_id = kInvalidId32;
   group3D_t group3D_id = kNoId;

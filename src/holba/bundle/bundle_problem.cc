@@ -9,24 +9,33 @@
 #include <unordered_map>
 
 #include "holba/base/check.h"
-#include "holba/residual/direction.h"
-#include "holba/residual/distance_3d.h"
 #include "holba/residual/group_line.h"
+#include "holba/residual/group_line_3d.h"
+#include "holba/residual/group_measurement.h"
 #include "holba/residual/group_point.h"
+#include "holba/residual/group_point_3d.h"
 #include "holba/residual/line.h"
 #include "holba/residual/point.h"
-#include "holba/residual/wireframe.h"
+#include "holba/residual/relation.h"
+#include "holba/residual/vanishing_point.h"
+#include "holba/residual/wireframe_3d.h"
+#include "holba/residual/wireframe_line.h"
+#include "holba/residual/wireframe_point.h"
 
 namespace holba {
 namespace {
 
 Loss ToLoss(const TermSettings& settings) {
   switch (settings.loss.value_or(LossChoice::kTrivial)) {
-    case LossChoice::kTrivial: return {LossType::kTrivial, settings.loss_scale};
-    case LossChoice::kHuber: return {LossType::kHuber, settings.loss_scale};
-    case LossChoice::kSoftL1: return {LossType::kSoftL1, settings.loss_scale};
+    case LossChoice::kTrivial:
+      return {LossType::kTrivial, settings.loss_scale};
+    case LossChoice::kHuber:
+      return {LossType::kHuber, settings.loss_scale};
+    case LossChoice::kSoftL1:
+      return {LossType::kSoftL1, settings.loss_scale};
     case LossChoice::kCauchy:
-    case LossChoice::kAuto: return {LossType::kCauchy, settings.loss_scale};
+    case LossChoice::kAuto:
+      return {LossType::kCauchy, settings.loss_scale};
   }
   return {};
 }
@@ -34,8 +43,8 @@ Loss ToLoss(const TermSettings& settings) {
 // Builds one problem; each Add* is one kind of block or term.
 class Builder {
  public:
-  Builder(const Reconstruction& model, const BundleOptions& options, const AssociationFilter& filter,
-          BundleProblem* out)
+  Builder(const Reconstruction& model, const BundleOptions& options,
+          const AssociationFilter& filter, BundleProblem* out)
       : model_(model), options_(options), filter_(filter), out_(*out), problem_(out->problem) {}
 
   void Build(std::span<const GroupMeasurement> measurements) {
@@ -81,22 +90,26 @@ class Builder {
       const Camera& camera = model_.cameras.at(image.camera_id);
       const auto [intrinsics, new_camera] = camera_blocks.try_emplace(image.camera_id, 0);
       if (new_camera) {
-        intrinsics->second =
-            problem_.AddBlock("camera", EuclideanOps(camera.model->num_params), BlockRole::kKept, camera.params);
+        intrinsics->second = problem_.AddBlock("camera", EuclideanOps(camera.model->num_params),
+                                               BlockRole::kKept, camera.params);
         HoldIntrinsics(*camera.model, &problem_.block(intrinsics->second));
         out_.cameras.emplace_back(image.camera_id, intrinsics->second);
       }
-      const auto [sensor, new_sensor] = sensors.try_emplace({frame.rig_id, image.camera_id}, nullptr);
+      const auto [sensor, new_sensor] =
+          sensors.try_emplace({frame.rig_id, image.camera_id}, nullptr);
       if (new_sensor && !IsReferenceSensor(frame, image)) {
         const Rigid3d& pose_in_rig = model_.SensorFromRig(image);
         out_.sensor_poses.push_back(std::make_unique<SensorPose>(
             SensorPose{pose_in_rig.RotationMatrix(), pose_in_rig.translation}));
         sensor->second = out_.sensor_poses.back().get();
       }
-      images_[image_id] = {pose->second,       intrinsics->second,
-                           sensor->second,     camera.model,
-                           camera.params.data(), !camera.model->is_pinhole &&
-                                                     problem_.block(intrinsics->second).FreeTangent() > 0};
+      images_[image_id] = {
+          pose->second,
+          intrinsics->second,
+          sensor->second,
+          camera.model,
+          camera.params.data(),
+          !camera.model->is_pinhole && problem_.block(intrinsics->second).FreeTangent() > 0};
     }
   }
 
@@ -117,13 +130,15 @@ class Builder {
     block->constant = free == 0;
   }
 
-  // One batch for each (term, camera model, group type, whether observations move): its kernel is made on first use.
+  // One batch for each (term, camera model, group type, whether observations move): its kernel is
+  // made on first use.
   template <typename Kernel, typename MakeKernel>
   KernelBatch<Kernel>& BatchOf(const char* term, TermFamily family, std::vector<int> tangents,
                                std::tuple<int, int, int> key, const MakeKernel& make) {
     std::unique_ptr<ResidualBatch>& batch = batches_[{static_cast<int>(family), term, key}];
     if (!batch) {
-      auto made = std::make_unique<KernelBatch<Kernel>>(term, Kernel::kDim, std::move(tangents), make());
+      auto made =
+          std::make_unique<KernelBatch<Kernel>>(term, Kernel::kDim, std::move(tangents), make());
       made->loss = ToLoss(options_[family]);
       made->weight = options_[family].weight;
       made->angular = family == TermFamily::kVp || family == TermFamily::kRelation ||
@@ -136,23 +151,26 @@ class Builder {
   // A feature seen in a single image has no depth of its own: it stays as it is.
   template <typename Track>
   static bool SeenInTwoImages(const Track& track) {
-    return std::any_of(track.begin(), track.end(),
-                       [&](const auto& element) { return element.image_id != track.front().image_id; });
+    return std::any_of(track.begin(), track.end(), [&](const auto& element) {
+      return element.image_id != track.front().image_id;
+    });
   }
 
   void AddPoints() {
     for (const auto& [id, point] : model_.points3D) {
-      const BlockId block =
-          problem_.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature, {point.xyz.data(), 3});
+      const BlockId block = problem_.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature,
+                                              {point.xyz.data(), 3});
       problem_.block(block).constant = options_.fix_points || !SeenInTwoImages(point.track);
       points_[id] = block;
       out_.points.emplace_back(id, block);
       for (const PointObservation& observation : point.track) {
         const ImageBlocks& image = images_.at(observation.image_id);
-        auto& batch = BatchOf<PointResidual>("point", TermFamily::kPoint, {3, 6, image.model->num_params},
-                                             {image.model->id, -1, 0}, [&] { return PointResidual{image.model}; });
+        auto& batch = BatchOf<PointResidual>(
+            "point", TermFamily::kPoint, {3, 6, image.model->num_params}, {image.model->id, -1, 0},
+            [&] { return PointResidual{image.model}; });
         batch.Add(std::array{block, image.pose, image.camera},
-                  {model_.images.at(observation.image_id).points2D[observation.point2D_idx].xy, image.sensor});
+                  {model_.images.at(observation.image_id).points2D[observation.point2D_idx].xy,
+                   image.sensor});
       }
     }
   }
@@ -167,9 +185,11 @@ class Builder {
     return model_.images.at(observation.image_id).lines2D[observation.line2D_idx].segment;
   }
 
-  // Whether the lines with incidences leave the eliminated features (3D form only: it couples two features).
+  // Whether the lines with incidences leave the eliminated features (3D form only: it couples two
+  // features).
   bool LinesAreKept() const {
-    return options_.config >= BundleConfig::kHolistic && options_.wireframe_form == StructureForm::k3d;
+    return options_.config >= BundleConfig::kHolistic &&
+           options_.wireframe_form == StructureForm::k3d;
   }
 
   void AddLines() {
@@ -190,10 +210,11 @@ class Builder {
       out_.lines.emplace_back(id, block);
       for (const LineObservation& observation : line.track) {
         const ImageBlocks& image = images_.at(observation.image_id);
-        auto& batch = BatchOf<LineResidual>("line", TermFamily::kLine, {4, 6, image.model->num_params},
-                                            {image.model->id, -1, image.observations_move}, [&] {
-                                              return LineResidual{{image.model, image.observations_move}};
-                                            });
+        auto& batch =
+            BatchOf<LineResidual>("line", TermFamily::kLine, {4, 6, image.model->num_params},
+                                  {image.model->id, -1, image.observations_move}, [&] {
+                                    return LineResidual{{image.model, image.observations_move}};
+                                  });
         batch.Add(std::array{block, image.pose, image.camera}, DatumOf(observation));
       }
     }
@@ -202,7 +223,8 @@ class Builder {
   void AddGroups() {
     for (const auto& [id, group] : model_.groups3D) {
       double values[kMaxGroupParams];
-      HOLBA_CHECK_MSG(group.type->from_file(group.params.data(), values), "invalid group " + std::to_string(id));
+      HOLBA_CHECK_MSG(group.type->from_file(group.params.data(), values),
+                      "invalid group " + std::to_string(id));
       const BlockId block =
           problem_.AddBlock(group.type->name, *group.type->manifold, BlockRole::kKept,
                             {values, static_cast<size_t>(group.type->manifold->ambient)});
@@ -228,17 +250,21 @@ class Builder {
 
   void AddGroupPoint(const GroupType& type, BlockId group, point3D_t point_id) {
     if (options_.group_form == StructureForm::k3d) {
-      auto& batch = BatchOf<GroupPoint3dResidual>("group_point_3d", TermFamily::kGroup, {3, type.manifold->tangent},
-                                                  {-1, type.code, 0}, [&] { return GroupPoint3dResidual{&type}; });
+      auto& batch = BatchOf<GroupPoint3dResidual>("group_point_3d", TermFamily::kGroup,
+                                                  {3, type.manifold->tangent}, {-1, type.code, 0},
+                                                  [&] { return GroupPoint3dResidual{&type}; });
       Use3dWeight(options_.group_3d_weight, &batch);
       batch.Add(std::array{points_.at(point_id), group}, {});
       return;
     }
     for (const PointObservation& observation : model_.points3D.at(point_id).track) {
       const ImageBlocks& image = images_.at(observation.image_id);
-      auto& batch = BatchOf<GroupPointResidual>(
-          "group_point", TermFamily::kGroup, {3, 6, image.model->num_params, type.manifold->tangent},
-          {image.model->id, type.code, 0}, [&] { return GroupPointResidual{image.model, &type}; });
+      auto& batch =
+          BatchOf<GroupPointResidual>("group_point", TermFamily::kGroup,
+                                      {3, 6, image.model->num_params, type.manifold->tangent},
+                                      {image.model->id, type.code, 0}, [&] {
+                                        return GroupPointResidual{image.model, &type};
+                                      });
       batch.Add(std::array{points_.at(point_id), image.pose, image.camera, group}, {image.sensor});
     }
   }
@@ -246,16 +272,17 @@ class Builder {
   void AddGroupLine(const GroupType& type, BlockId group, line3D_t line_id) {
     const BlockId line = lines_.at(line_id);
     if (type.IsParallelism()) {
-      auto& batch =
-          BatchOf<VanishingPointResidual>("vp", TermFamily::kVp, {4, type.manifold->tangent}, {-1, type.code, 0},
-                                          [&] { return VanishingPointResidual{&type}; });
+      auto& batch = BatchOf<VanishingPointResidual>("vp", TermFamily::kVp,
+                                                    {4, type.manifold->tangent}, {-1, type.code, 0},
+                                                    [&] { return VanishingPointResidual{&type}; });
       batch.Add(std::array{line, group}, {});
       return;
     }
     const Line3D& line3D = model_.lines3D.at(line_id);
     if (options_.group_form == StructureForm::k3d) {
-      auto& batch = BatchOf<GroupLine3dResidual>("group_line_3d", TermFamily::kGroup, {4, type.manifold->tangent},
-                                                 {-1, type.code, 0}, [&] { return GroupLine3dResidual{&type}; });
+      auto& batch = BatchOf<GroupLine3dResidual>("group_line_3d", TermFamily::kGroup,
+                                                 {4, type.manifold->tangent}, {-1, type.code, 0},
+                                                 [&] { return GroupLine3dResidual{&type}; });
       Use3dWeight(options_.group_3d_weight, &batch);
       const double* values = problem_.values(line);
       const Eigen::Map<const Eigen::Vector3d> d(values), p(values + 3);
@@ -266,32 +293,42 @@ class Builder {
       const ImageBlocks& image = images_.at(observation.image_id);
       auto& batch = BatchOf<GroupLineResidual>(
           "group_line", TermFamily::kGroup, {4, 6, image.model->num_params, type.manifold->tangent},
-          {image.model->id, type.code, image.observations_move},
-          [&] { return GroupLineResidual{{image.model, image.observations_move}, &type}; });
+          {image.model->id, type.code, image.observations_move}, [&] {
+            return GroupLineResidual{{image.model, image.observations_move}, &type};
+          });
       batch.Add(std::array{line, image.pose, image.camera, group}, DatumOf(observation));
     }
   }
 
   static void Use3dWeight(double weight, ResidualBatch* batch) {
     batch->weight = weight;
-    batch->loss.type = LossType::kTrivial;  // a loss scale in model units would be one more thing to tune
+    batch->loss.type =
+        LossType::kTrivial;  // a loss scale in model units would be one more thing to tune
   }
 
   void AddRelations() {
     for (const Relation& relation : model_.relations) {
-      if (filter_.groups.contains(relation.group3D_id1) || filter_.groups.contains(relation.group3D_id2)) continue;
+      if (filter_.groups.contains(relation.group3D_id1) ||
+          filter_.groups.contains(relation.group3D_id2))
+        continue;
       const GroupType* a = model_.groups3D.at(relation.group3D_id1).type;
       const GroupType* b = model_.groups3D.at(relation.group3D_id2).type;
       const std::array blocks{groups_.at(relation.group3D_id1), groups_.at(relation.group3D_id2)};
       const std::vector<int> tangents{a->manifold->tangent, b->manifold->tangent};
       if (relation.type == RelationType::kOrthogonal) {
-        BatchOf<OrthogonalResidual>("relation", TermFamily::kRelation, tangents, {0, a->code, b->code}, [&] {
-          return OrthogonalResidual{{a, b}};
-        }).Add(blocks, {});
+        BatchOf<OrthogonalResidual>("relation", TermFamily::kRelation, tangents,
+                                    {0, a->code, b->code},
+                                    [&] {
+                                      return OrthogonalResidual{{a, b}};
+                                    })
+            .Add(blocks, {});
       } else {
-        BatchOf<ParallelResidual>("relation", TermFamily::kRelation, tangents, {1, a->code, b->code}, [&] {
-          return ParallelResidual{{a, b}};
-        }).Add(blocks, {});
+        BatchOf<ParallelResidual>("relation", TermFamily::kRelation, tangents,
+                                  {1, a->code, b->code},
+                                  [&] {
+                                    return ParallelResidual{{a, b}};
+                                  })
+            .Add(blocks, {});
       }
     }
   }
@@ -300,11 +337,12 @@ class Builder {
     for (const GroupMeasurement& measurement : measurements) {
       const ImageBlocks& image = images_.at(measurement.image_id);
       const GroupType* type = model_.groups3D.at(measurement.group3D_id).type;
-      auto& batch = BatchOf<GroupMeasurementResidual>("group_measurement", TermFamily::kMeasurement,
-                                                      {type->manifold->tangent, 6}, {-1, type->code, 0},
-                                                      [&] { return GroupMeasurementResidual{type}; });
+      auto& batch = BatchOf<GroupMeasurementResidual>(
+          "group_measurement", TermFamily::kMeasurement, {type->manifold->tangent, 6},
+          {-1, type->code, 0}, [&] { return GroupMeasurementResidual{type}; });
       batch.Add(std::array{groups_.at(measurement.group3D_id), image.pose},
-                {measurement.direction_in_cam.normalized(), measurement.sigma_deg * M_PI / 180.0, image.sensor});
+                {measurement.direction_in_cam.normalized(), measurement.sigma_deg * M_PI / 180.0,
+                 image.sensor});
     }
   }
 
@@ -313,8 +351,9 @@ class Builder {
       if (filter_.edges.contains({edge.point3D_id, edge.line3D_id})) continue;
       const BlockId point = points_.at(edge.point3D_id), line = lines_.at(edge.line3D_id);
       if (options_.wireframe_form == StructureForm::k3d) {
-        auto& batch = BatchOf<Wireframe3dResidual>("wireframe_3d", TermFamily::kWireframe, {3, 4}, {-1, -1, 0},
-                                                   [] { return Wireframe3dResidual{}; });
+        auto& batch =
+            BatchOf<Wireframe3dResidual>("wireframe_3d", TermFamily::kWireframe, {3, 4},
+                                         {-1, -1, 0}, [] { return Wireframe3dResidual{}; });
         Use3dWeight(options_.wireframe_3d_weight, &batch);
         batch.Add(std::array{point, line}, {});
         continue;
@@ -322,15 +361,17 @@ class Builder {
       const auto& point_track = model_.points3D.at(edge.point3D_id).track;
       const auto& line_track = model_.lines3D.at(edge.line3D_id).track;
       const auto observes = [](const auto& track, image_t image_id) {
-        return std::any_of(track.begin(), track.end(), [&](const auto& e) { return e.image_id == image_id; });
+        return std::any_of(track.begin(), track.end(),
+                           [&](const auto& e) { return e.image_id == image_id; });
       };
       for (const LineObservation& observation : line_track) {
         if (observes(point_track, observation.image_id)) continue;
         const ImageBlocks& image = images_.at(observation.image_id);
         auto& batch = BatchOf<WireframePointResidual>(
             "wireframe_point", TermFamily::kWireframe, {3, 6, image.model->num_params},
-            {image.model->id, -1, image.observations_move},
-            [&] { return WireframePointResidual{{image.model, image.observations_move}}; });
+            {image.model->id, -1, image.observations_move}, [&] {
+              return WireframePointResidual{{image.model, image.observations_move}};
+            });
         batch.Add(std::array{point, image.pose, image.camera}, DatumOf(observation));
       }
       for (const PointObservation& observation : point_track) {
@@ -338,9 +379,11 @@ class Builder {
         const ImageBlocks& image = images_.at(observation.image_id);
         auto& batch = BatchOf<WireframeLineResidual>(
             "wireframe_line", TermFamily::kWireframe, {4, 6, image.model->num_params},
-            {image.model->id, -1, image.observations_move},
-            [&] { return WireframeLineResidual{{image.model, image.observations_move}}; });
-        const Eigen::Vector2d& xy = model_.images.at(observation.image_id).points2D[observation.point2D_idx].xy;
+            {image.model->id, -1, image.observations_move}, [&] {
+              return WireframeLineResidual{{image.model, image.observations_move}};
+            });
+        const Eigen::Vector2d& xy =
+            model_.images.at(observation.image_id).points2D[observation.point2D_idx].xy;
         batch.Add(std::array{line, image.pose, image.camera},
                   {IdealObservation(*image.model, image.params, xy), image.sensor});
       }
@@ -386,7 +429,8 @@ class Builder {
 }  // namespace
 
 BundleProblem BuildProblem(const Reconstruction& model, const BundleOptions& options,
-                           std::span<const GroupMeasurement> measurements, const AssociationFilter* filter) {
+                           std::span<const GroupMeasurement> measurements,
+                           const AssociationFilter* filter) {
   BundleProblem bundle;
   const AssociationFilter none;
   Builder(model, options, filter ? *filter : none, &bundle).Build(measurements);

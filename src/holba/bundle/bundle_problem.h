@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The bridge between scene and problem: a Reconstruction becomes a Problem once, and takes its values back.
+// The bridge between scene and problem: a Reconstruction becomes a Problem once, and takes its
+// values back.
 #pragma once
 
 #include <memory>
@@ -27,18 +28,20 @@ struct BundleProblem {
   std::vector<std::unique_ptr<SensorPose>> sensor_poses;
 };
 
-// All residuals of the configuration. The model must be consistent (Reconstruction::FindInconsistency).
-// Losses `auto` start as Cauchy at the settings' scale; AdjustBundle moves them. Blocks and their order depend on model
-// and options only, not on the filter of associations (null: all take part).
+// All residuals of the configuration. The model must be consistent
+// (Reconstruction::FindInconsistency). Losses `auto` start as Cauchy at the settings' scale;
+// AdjustBundle moves them. Blocks and their order depend on model and options only, not on the
+// filter of associations (null: all take part).
 BundleProblem BuildProblem(const Reconstruction& model, const BundleOptions& options,
                            std::span<const GroupMeasurement> measurements = {},
                            const AssociationFilter* filter = nullptr);
 
-// Values of all variable blocks into the model; what was constant keeps its bits. End points of lines are carried
-// along to the new lines.
+// Values of all variable blocks into the model; what was constant keeps its bits. End points of
+// lines are carried along to the new lines.
 void WriteBack(const BundleProblem& bundle, Reconstruction* model);
 
-// Mean reprojection errors of points, and of lines the mean over segments of the root mean square end point distance.
+// Mean reprojection errors of points, and of lines the mean over segments of the root mean square
+// end point distance.
 void UpdateErrors(Reconstruction* model);
 
 }  // namespace holba

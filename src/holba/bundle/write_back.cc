@@ -6,7 +6,9 @@
 namespace holba {
 namespace {
 
-bool Moves(const BundleProblem& bundle, BlockId id) { return bundle.problem.block(id).FreeTangent() > 0; }
+bool Moves(const BundleProblem& bundle, BlockId id) {
+  return bundle.problem.block(id).FreeTangent() > 0;
+}
 
 Eigen::Vector3d VectorAt(const double* values) { return Eigen::Map<const Eigen::Vector3d>(values); }
 
@@ -50,7 +52,8 @@ void UpdateErrors(Reconstruction* model) {
       const Image& image = model->images.at(observation.image_id);
       const Camera& camera = model->cameras.at(image.camera_id);
       Eigen::Vector2d pixel;
-      if (!camera.model->project(camera.params.data(), image.cam_from_world * point.xyz, &pixel)) continue;
+      if (!camera.model->project(camera.params.data(), image.cam_from_world * point.xyz, &pixel))
+        continue;
       sum += (pixel - image.points2D[observation.point2D_idx].xy).norm();
       ++count;
     }
@@ -66,10 +69,16 @@ void UpdateErrors(Reconstruction* model) {
       const Camera& camera = model->cameras.at(image.camera_id);
       const Rigid3d& pose = image.cam_from_world;
       const Eigen::Quaterniond q = pose.rotation.normalized();
-      const double values[7] = {q.x(), q.y(), q.z(), q.w(), pose.translation.x(), pose.translation.y(),
+      const double values[7] = {q.x(),
+                                q.y(),
+                                q.z(),
+                                q.w(),
+                                pose.translation.x(),
+                                pose.translation.y(),
                                 pose.translation.z()};
       LineInImage projected;
-      ProjectLine(nullptr, values, camera.model->ideal_calibration(camera.params.data()), pluecker, &projected);
+      ProjectLine(nullptr, values, camera.model->ideal_calibration(camera.params.data()), pluecker,
+                  &projected);
       const LineSegment2d& segment = image.lines2D[observation.line2D_idx].segment;
       double squares = 0.0;
       bool valid = true;

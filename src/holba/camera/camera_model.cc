@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "holba/camera/camera_models.h"
+#include "holba/camera/snavely.h"
 #include "holba/geometry/types.h"
 
 namespace holba {
@@ -50,6 +51,11 @@ std::optional<Eigen::Vector2d> ProjectIdeal(const IdealCalibration& K, const Eig
 }
 
 }  // namespace
+
+const CameraModel& SnavelyCameraModel() {
+  static constexpr CameraModel model = Describe<Snavely>();
+  return model;
+}
 
 const CameraModel* FindCameraModel(int model_id) {
   for (const CameraModel& model : kModels) {

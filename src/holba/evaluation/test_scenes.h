@@ -2,6 +2,7 @@
 // Small scenes for the tests of this room.
 #pragma once
 
+#include <array>
 #include <string>
 
 #include "holba/base/random.h"

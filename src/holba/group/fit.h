@@ -112,7 +112,7 @@ template <typename Group>
 std::optional<double> RefineOnPoints(std::span<const Eigen::Vector3d> points, int max_iterations,
                                      double* g) {
   using Manifold = typename Group::Manifold;
-  constexpr int kAmbient = Manifold::kAmbient, kTangent = Manifold::kTangent;
+  static constexpr int kAmbient = Manifold::kAmbient, kTangent = Manifold::kTangent;
   using Square = Eigen::Matrix<double, kTangent, kTangent>;
   using Tangent = Eigen::Matrix<double, kTangent, 1>;
   const auto accumulate = [points](const double* at, Square* H, Tangent* b) {

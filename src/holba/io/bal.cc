@@ -9,6 +9,7 @@
 
 #include "holba/base/check.h"
 #include "holba/base/error.h"
+#include "holba/camera/snavely.h"
 #include "holba/io/files.h"
 #include "holba/io/text_io.h"
 
@@ -124,8 +125,7 @@ Reconstruction ParseBal(std::string_view bytes, const fs::path& path) {
   model.cameras.Reserve(num_cameras);
   model.images.Reserve(num_cameras);
   model.points3D.Reserve(num_points);
-  const CameraModel* radial = FindCameraModel("RADIAL");
-  HOLBA_CHECK(radial != nullptr);
+  const CameraModel* radial = &SnavelyCameraModel();
   for (uint64_t i = 0; i < num_cameras; ++i) {
     double values[9];
     constexpr const char* kNames[9] = {"RX", "RY", "RZ", "TX", "TY", "TZ", "F", "K1", "K2"};

@@ -196,12 +196,12 @@ TEST(CorruptedBinary, IsRefusedWithByteAndExpectation) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<BinaryCase> cases = {
       {"cameras", 0, Raw(uint64_t{1} << 60), "cameras.bin: at byte 0: ",
-       "expected the number of cameras (at most 5, as 128 bytes follow), found "
+       "expected the number of cameras (at most 4, as 112 bytes follow), found "
        "1152921504606846976"},
       {"cameras", 0, Raw(uint64_t{1}), "cameras.bin: at byte 64: ",
-       "expected the end of the file after its last record, found 72 more bytes"},
+       "expected the end of the file after its last record, found 56 more bytes"},
       {"cameras", 0, Raw(uint64_t{3}),
-       "cameras.bin: at byte 136: ", "found the end of the file: it is truncated"},
+       "cameras.bin: at byte 120: ", "found the end of the file: it is truncated"},
       {"cameras", 8, Raw(kInvalidId32),
        "cameras.bin: at byte 8: ", "expected CAMERA_ID (an id), found none"},
       {"cameras", 12, Raw(int32_t{-1}), "cameras.bin: at byte 12: ", "expected MODEL_ID"},

@@ -283,6 +283,14 @@ void ReadRelationRecords(In& in, Reconstruction* model) {
   }
 }
 
+// By id: the order of images in the model is that of their registration and says nothing here.
+std::vector<std::pair<image_t, const Image*>> ImagesById(const Reconstruction& model) {
+  std::vector<std::pair<image_t, const Image*>> images;
+  for (const auto& [image_id, image] : model.images) images.emplace_back(image_id, &image);
+  std::sort(images.begin(), images.end());
+  return images;
+}
+
 template <typename Out>
 void Header(Out& out, const char* fields) {
   if constexpr (!Out::kBinary) out.Comment(fields);
@@ -321,11 +329,11 @@ void WriteLines2D(ModelFormat format, const Reconstruction& model, std::ostream*
     out.Begin(static_cast<uint64_t>(
         std::count_if(model.images.begin(), model.images.end(),
                       [](const auto& entry) { return !entry.second.lines2D.empty(); })));
-    for (const auto& [image_id, image] : model.images) {
-      if (image.lines2D.empty()) continue;
+    for (const auto& [image_id, image] : ImagesById(model)) {
+      if (image->lines2D.empty()) continue;
       out.Index(image_id);
-      out.Count(image.lines2D.size());
-      for (const Line2D& line : image.lines2D) {
+      out.Count(image->lines2D.size());
+      for (const Line2D& line : image->lines2D) {
         for (const Eigen::Vector2d& end : {line.segment.start, line.segment.end}) {
           out.Real(end.x());
           out.Real(end.y());
@@ -366,9 +374,9 @@ void WriteGroups2D(ModelFormat format, const Reconstruction& model, std::ostream
     uint64_t num_groups = 0;
     for (const auto& [image_id, image] : model.images) num_groups += image.groups2D.size();
     out.Begin(num_groups);
-    for (const auto& [image_id, image] : model.images) {
-      for (size_t idx = 0; idx < image.groups2D.size(); ++idx) {
-        const Group2D& group = image.groups2D[idx];
+    for (const auto& [image_id, image] : ImagesById(model)) {
+      for (size_t idx = 0; idx < image->groups2D.size(); ++idx) {
+        const Group2D& group = image->groups2D[idx];
         out.Index(image_id);
         out.Index(static_cast<uint32_t>(idx));
         WriteGroupType(out, group.type);

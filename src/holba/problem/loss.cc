@@ -8,7 +8,8 @@ namespace holba {
 void Loss::Evaluate(double s, double rho[3]) const {
   const double a2 = scale * scale;
   switch (type) {
-    case LossType::kTrivial: break;
+    case LossType::kTrivial:
+      break;
     case LossType::kHuber:
       if (s > a2) {
         const double r = std::sqrt(s);
@@ -41,10 +42,14 @@ void Loss::Evaluate(double s, double rho[3]) const {
 
 std::string_view NameOf(LossType type) {
   switch (type) {
-    case LossType::kTrivial: return "trivial";
-    case LossType::kHuber: return "huber";
-    case LossType::kSoftL1: return "soft_l1";
-    case LossType::kCauchy: return "cauchy";
+    case LossType::kTrivial:
+      return "trivial";
+    case LossType::kHuber:
+      return "huber";
+    case LossType::kSoftL1:
+      return "soft_l1";
+    case LossType::kCauchy:
+      return "cauchy";
   }
   return "";
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Robust losses rho(s) of a squared residual norm s (as in Ceres: rho(0) = 0, rho'(0) = 1). The cost of a
-// residual is weight * rho(s) / 2: weights multiply the robustified cost.
+// Robust losses rho(s) of a squared residual norm s (as in Ceres: rho(0) = 0, rho'(0) = 1). The
+// cost of a residual is weight * rho(s) / 2: weights multiply the robustified cost.
 #pragma once
 
 #include <string_view>

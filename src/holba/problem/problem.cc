@@ -36,10 +36,11 @@ void Problem::AddBatch(std::unique_ptr<ResidualBatch> batch) {
       HOLBA_CHECK_MSG(b.manifold->tangent == batch->tangent(s),
                       fmt::format("term {}, slot {}: a {} does not fit", batch->term(), s, b.kind));
       if (b.role != BlockRole::kFeature) continue;
-      HOLBA_CHECK_MSG(first_feature.empty(),
-                      fmt::format("residual {} of term '{}' holds two features, a {} and a {}: the feature "
-                                  "blocks would no longer be independent; keep one of them instead",
-                                  i, batch->term(), first_feature, b.kind));
+      HOLBA_CHECK_MSG(
+          first_feature.empty(),
+          fmt::format("residual {} of term '{}' holds two features, a {} and a {}: the feature "
+                      "blocks would no longer be independent; keep one of them instead",
+                      i, batch->term(), first_feature, b.kind));
       first_feature = b.kind;
     }
   }

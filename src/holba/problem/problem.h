@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A nonlinear least-squares problem: cost = 1/2 sum weight * rho(|r|^2) over batches of residuals of parameter
-// blocks. Features are eliminated by the Schur complement, the other blocks are kept: so no residual may
-// hold two features. Knows no vision; every solver consumes this and nothing else.
+// A nonlinear least-squares problem: cost = 1/2 sum weight * rho(|r|^2) over batches of residuals
+// of parameter blocks. Features are eliminated by the Schur complement, the other blocks are kept:
+// so no residual may hold two features. Knows no vision; every solver consumes this and nothing
+// else.
 #pragma once
 
 #include <cstdint>
@@ -33,8 +34,8 @@ class Problem {
   // `kind` must outlive the problem (a literal).
   BlockId AddBlock(std::string_view kind, const ManifoldOps& manifold, BlockRole role,
                    std::span<const double> values);
-  // Refuses (CheckError, naming term and blocks) a batch with a residual of two variable features, or whose
-  // slots do not fit the blocks.
+  // Refuses (CheckError, naming term and blocks) a batch with a residual of two variable features,
+  // or whose slots do not fit the blocks.
   void AddBatch(std::unique_ptr<ResidualBatch> batch);
 
   size_t num_blocks() const { return blocks_.size(); }
@@ -70,14 +71,16 @@ struct TermCost {
 // In the order in which the terms were added. Sums are taken in a fixed order.
 std::vector<TermCost> EvaluateTerms(const Problem& problem);
 
-// Norms of the present residuals of a term; `components`: absolute values of the single components instead.
+// Norms of the present residuals of a term; `components`: absolute values of the single components
+// instead.
 std::vector<double> ResidualNorms(const Problem& problem, std::string_view term, bool components);
 
 // Structure of the reduced system, what is left when the features are eliminated.
 struct ReducedSystem {
-  size_t size = 0;              // scalar unknowns
-  double density = 0.0;         // share of its entries that are structurally non-zero
-  double pose_density = 0.0;    // share of the pairs of poses that are coupled (paper, "Schur density")
+  size_t size = 0;       // scalar unknowns
+  double density = 0.0;  // share of its entries that are structurally non-zero
+  double pose_density =
+      0.0;  // share of the pairs of poses that are coupled (paper, "Schur density")
   double pose_density_without_wireframe = 0.0;  // the same without the wireframe terms
 };
 ReducedSystem AnalyseReducedSystem(const Problem& problem);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Problem: what it refuses, sums of terms, ranges of residuals in panels, structure of the reduced system.
+// Problem: what it refuses, sums of terms, ranges of residuals in panels, structure of the reduced
+// system.
 #include "holba/problem/problem.h"
 
 #include <gmock/gmock.h>
@@ -24,7 +25,8 @@ using testing::HasSubstr;
 // r = q X + datum (t - X_0^2, X_1 X_2), a pose [q t] and a point X; absent where X_0 < 0.
 struct MixedKernel {
   using Datum = double;
-  bool Evaluate(const Datum& datum, const double* const* values, double* r, double* const* jacobians) const {
+  bool Evaluate(const Datum& datum, const double* const* values, double* r,
+                double* const* jacobians) const {
     const double* pose = values[0];
     const double* X = values[1];
     if (X[0] < 0) return false;
@@ -55,7 +57,8 @@ struct MixedKernel {
 struct SumKernel {
   using Datum = double;
   std::vector<int> sizes;
-  bool Evaluate(const Datum& datum, const double* const* values, double* r, double* const* jacobians) const {
+  bool Evaluate(const Datum& datum, const double* const* values, double* r,
+                double* const* jacobians) const {
     if (datum < 0) return false;
     r[0] = -datum;
     for (size_t s = 0; s < sizes.size(); ++s) {
@@ -68,11 +71,13 @@ struct SumKernel {
   }
 };
 
-std::unique_ptr<KernelBatch<SumKernel>> SumBatch(const std::string& term, const std::vector<int>& sizes) {
+std::unique_ptr<KernelBatch<SumKernel>> SumBatch(const std::string& term,
+                                                 const std::vector<int>& sizes) {
   return std::make_unique<KernelBatch<SumKernel>>(term, 1, sizes, SumKernel{sizes});
 }
 
-BlockId AddScalars(Problem* problem, std::string_view kind, BlockRole role, const std::vector<double>& values) {
+BlockId AddScalars(Problem* problem, std::string_view kind, BlockRole role,
+                   const std::vector<double>& values) {
   return problem->AddBlock(kind, EuclideanOps(static_cast<int>(values.size())), role, values);
 }
 
@@ -94,8 +99,9 @@ TEST(AddBatch, RefusesAResidualOfTwoFeaturesByName) {
   auto batch = SumBatch("wireframe_3d", {2, 2, 2});
   batch->Add(std::array{pose, point, pose}, 0.0);
   batch->Add(std::array{point, pose, line}, 0.0);
-  EXPECT_THAT(CheckErrorOf([&] { problem.AddBatch(std::move(batch)); }),
-              AllOf(HasSubstr("residual 1"), HasSubstr("'wireframe_3d'"), HasSubstr("a point and a line")));
+  EXPECT_THAT(
+      CheckErrorOf([&] { problem.AddBatch(std::move(batch)); }),
+      AllOf(HasSubstr("residual 1"), HasSubstr("'wireframe_3d'"), HasSubstr("a point and a line")));
   EXPECT_TRUE(problem.batches().empty());
 }
 
@@ -119,7 +125,8 @@ TEST(AddBatch, RefusesBlocksThatDoNotFitTheirSlots) {
   auto unknown = SumBatch("vp", {3});
   unknown->Add(std::array{BlockId{7}}, 0.0);
   EXPECT_THAT(CheckErrorOf([&] { problem.AddBatch(std::move(unknown)); }), HasSubstr("vp"));
-  auto too_wide = std::make_unique<KernelBatch<SumKernel>>("wide", kMaxResidualDim + 1, std::vector<int>{3}, SumKernel{{3}});
+  auto too_wide = std::make_unique<KernelBatch<SumKernel>>("wide", kMaxResidualDim + 1,
+                                                           std::vector<int>{3}, SumKernel{{3}});
   too_wide->Add(std::array{point}, 0.0);
   EXPECT_NE(CheckErrorOf([&] { problem.AddBatch(std::move(too_wide)); }), "no error");
   EXPECT_TRUE(problem.batches().empty());
@@ -128,7 +135,9 @@ TEST(AddBatch, RefusesBlocksThatDoNotFitTheirSlots) {
 TEST(AddBlock, RefusesValuesThatAreNotOfItsManifold) {
   Problem problem;
   const double values[6] = {};
-  EXPECT_THAT(CheckErrorOf([&] { problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values); }),
+  EXPECT_THAT(CheckErrorOf([&] {
+                problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values);
+              }),
               HasSubstr("pose"));
   EXPECT_EQ(problem.num_blocks(), 0u);
 }
@@ -186,9 +195,11 @@ TEST(EvaluateTerms, SumsBatchesOfATermAndCountsAbsentResiduals) {
 TEST(ResidualNorms, AreOfResidualsOrOfTheirComponents) {
   Problem problem;
   const double pose_values[7] = {0, 0, 0, 1, 0, 0, 0};
-  const BlockId pose = problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, pose_values);
+  const BlockId pose =
+      problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, pose_values);
   const BlockId point = AddScalars(&problem, "point", BlockRole::kFeature, {3.0, -4.0, 0.0});
-  auto batch = std::make_unique<KernelBatch<MixedKernel>>("point", 2, std::vector<int>{6, 3}, MixedKernel{});
+  auto batch =
+      std::make_unique<KernelBatch<MixedKernel>>("point", 2, std::vector<int>{6, 3}, MixedKernel{});
   batch->Add(std::array{pose, point}, 0.0);
   problem.AddBatch(std::move(batch));
   EXPECT_THAT(ResidualNorms(problem, "point", false), ElementsAre(5.0));
@@ -203,15 +214,19 @@ struct MixedProblem {
     std::vector<BlockId> poses, points;
     for (int i = 0; i < 5; ++i) {
       const Eigen::Quaterniond q = ExpRotation({random.Normal(), random.Normal(), random.Normal()});
-      const double values[7] = {q.x(), q.y(), q.z(), q.w(), random.Normal(), random.Normal(), random.Normal()};
+      const double values[7] = {q.x(),           q.y(),           q.z(),          q.w(),
+                                random.Normal(), random.Normal(), random.Normal()};
       poses.push_back(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values));
     }
     for (int i = 0; i < 11; ++i) {
-      points.push_back(AddScalars(&problem, "point", BlockRole::kFeature,
-                                  {i % 4 == 3 ? -1.0 : random.Uniform(), random.Normal(), random.Normal()}));
+      points.push_back(
+          AddScalars(&problem, "point", BlockRole::kFeature,
+                     {i % 4 == 3 ? -1.0 : random.Uniform(), random.Normal(), random.Normal()}));
     }
-    auto batch = std::make_unique<KernelBatch<MixedKernel>>("point", 2, std::vector<int>{6, 3}, MixedKernel{});
-    for (int i = 0; i < 40; ++i) batch->Add(std::array{poses[i % 5], points[i * 7 % 11]}, random.Normal());
+    auto batch = std::make_unique<KernelBatch<MixedKernel>>("point", 2, std::vector<int>{6, 3},
+                                                            MixedKernel{});
+    for (int i = 0; i < 40; ++i)
+      batch->Add(std::array{poses[i % 5], points[i * 7 % 11]}, random.Normal());
     problem.AddBatch(std::move(batch));
   }
 };
@@ -221,10 +236,15 @@ TEST(Batch, EvaluatesRangesBitForBitAsItsSingleResiduals) {
   const ResidualBatch& batch = *mixed.problem.batches()[0];
   const ParameterReader reader = mixed.problem.Reader();
   size_t absent = 0;
-  for (const auto [begin, end, stride] :
-       {std::array<size_t, 3>{0, 40, 40}, {0, 40, 64}, {13, 29, 16}, {39, 40, 8}, {5, 5, 8}, {3, 5, 2}}) {
+  for (const auto [begin, end, stride] : {std::array<size_t, 3>{0, 40, 40},
+                                          {0, 40, 64},
+                                          {13, 29, 16},
+                                          {39, 40, 8},
+                                          {5, 5, 8},
+                                          {3, 5, 2}}) {
     const double unset = std::numeric_limits<double>::quiet_NaN();
-    std::vector<double> residuals(2 * stride, unset), by_pose(12 * stride, unset), by_point(6 * stride, unset);
+    std::vector<double> residuals(2 * stride, unset), by_pose(12 * stride, unset),
+        by_point(6 * stride, unset);
     std::vector<uint8_t> present(stride, 2);
     ResidualPanel panel;
     panel.stride = stride;
@@ -243,9 +263,11 @@ TEST(Batch, EvaluatesRangesBitForBitAsItsSingleResiduals) {
       batch.Evaluate(i, i + 1, reader, single);
       absent += !is_present;
       EXPECT_EQ(present[j], is_present);
-      const auto same = [&](const std::vector<double>& values, const double* expected, size_t size) {
+      const auto same = [&](const std::vector<double>& values, const double* expected,
+                            size_t size) {
         for (size_t k = 0; k < size; ++k) {
-          EXPECT_EQ(std::bit_cast<uint64_t>(values[k * stride + j]), std::bit_cast<uint64_t>(expected[k]))
+          EXPECT_EQ(std::bit_cast<uint64_t>(values[k * stride + j]),
+                    std::bit_cast<uint64_t>(expected[k]))
               << "residual " << i << ", entry " << k << ", stride " << stride;
         }
       };
@@ -278,7 +300,8 @@ TEST(Batch, GivesTheSameResidualsWithoutJacobiansAndFromPointers) {
     panel.jacobians[1] = jacobian;
     panel.present = &present_with;
     batch.Evaluate(i, i + 1, mixed.problem.Reader(), panel);
-    const double* slots[] = {mixed.problem.values(batch.block(i, 0)), mixed.problem.values(batch.block(i, 1))};
+    const double* slots[] = {mixed.problem.values(batch.block(i, 0)),
+                             mixed.problem.values(batch.block(i, 1))};
     panel = {};
     panel.residuals = without;
     panel.present = &present_without;
@@ -295,8 +318,10 @@ struct StructureProblem {
   std::vector<BlockId> poses, points;
 
   StructureProblem(int num_poses, int num_points) {
-    for (int i = 0; i < num_poses; ++i) poses.push_back(AddScalars(&problem, "pose", BlockRole::kKept, std::vector<double>(6)));
-    for (int i = 0; i < num_points; ++i) points.push_back(AddScalars(&problem, "point", BlockRole::kFeature, {0, 0, 0}));
+    for (int i = 0; i < num_poses; ++i)
+      poses.push_back(AddScalars(&problem, "pose", BlockRole::kKept, std::vector<double>(6)));
+    for (int i = 0; i < num_points; ++i)
+      points.push_back(AddScalars(&problem, "point", BlockRole::kFeature, {0, 0, 0}));
   }
   void Couple(const std::string& term, const std::vector<BlockId>& blocks) {
     std::vector<int> sizes;

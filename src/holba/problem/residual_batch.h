@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Residuals of one kind form a batch: same dimension, same kinds of blocks in the same slots. A range of
-// them is evaluated in one call, into structure-of-arrays panels.
+// Residuals of one kind form a batch: same dimension, same kinds of blocks in the same slots. A
+// range of them is evaluated in one call, into structure-of-arrays panels.
 #pragma once
 
 #include <array>
@@ -39,13 +39,14 @@ class ParameterReader {
   const double* const* slots_ = nullptr;
 };
 
-// Entry k of the j-th residual of the range stands at [k * stride + j]; Jacobians are with respect to the
-// tangent of the block's manifold, row-major (entry row * tangent + column).
+// Entry k of the j-th residual of the range stands at [k * stride + j]; Jacobians are with respect
+// to the tangent of the block's manifold, row-major (entry row * tangent + column).
 struct ResidualPanel {
   size_t stride = 1;
   double* residuals = nullptr;
   std::array<double*, kMaxSlots> jacobians{};  // null: not wanted
-  // False: the residual is undefined here (behind the camera, degenerate projection); its entries are 0.
+  // False: the residual is undefined here (behind the camera, degenerate projection); its entries
+  // are 0.
   bool* present = nullptr;
 };
 
@@ -84,8 +85,9 @@ class ResidualBatch {
   std::vector<BlockId> blocks_;
 };
 
-// A batch of a kernel: one residual is kernel.Evaluate(datum, parameters of its slots, residual, Jacobians),
-// returning whether it is present. Jacobians: row-major dim x tangent, null where not wanted.
+// A batch of a kernel: one residual is kernel.Evaluate(datum, parameters of its slots, residual,
+// Jacobians), returning whether it is present. Jacobians: row-major dim x tangent, null where not
+// wanted.
 template <typename Kernel>
 class KernelBatch final : public ResidualBatch {
  public:
@@ -109,7 +111,8 @@ class KernelBatch final : public ResidualBatch {
       const size_t j = i - begin;
       const double* values[kMaxSlots] = {};
       double* jacobians[kMaxSlots] = {};
-      const bool direct = panel.stride == 1;  // a range of one: the kernel writes where it is wanted
+      const bool direct =
+          panel.stride == 1;  // a range of one: the kernel writes where it is wanted
       for (int s = 0; s < slots; ++s) {
         values[s] = parameters.At(s, block(i, s));
         if (panel.jacobians[s]) jacobians[s] = direct ? panel.jacobians[s] : storage[s];

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// group_line: r = rho(pi(C, L), l_obs) - rho(pi(C, Proj_G(L)), l_obs), ideal pixels, R^4 (paper, Eq. 10). Blocks: line (the
-// one feature), pose, intrinsics, group. Absent: Proj_G(L) is undefined (a line along the plane's normal), an end point has
-// no ideal pixel, or either line has no direction in the image.
+// group_line: r = rho(pi(C, L), l_obs) - rho(pi(C, Proj_G(L)), l_obs), ideal pixels, R^4 (paper,
+// Eq. 10). Blocks: line (the one feature), pose, intrinsics, group. Absent: Proj_G(L) is undefined
+// (a line along the plane's normal), an end point has no ideal pixel, or either line has no
+// direction in the image.
 #pragma once
 
 #include "holba/residual/group_tangent.h"
@@ -21,7 +22,8 @@ struct GroupLineResidual {
     Vector6d on_group;
     RowMajor<6, 6> d_line;
     double d_group[6 * kMaxGroupParams];
-    if (!type->project_line_with_jacobian(values[3], block.line, &on_group, d_line.data(), d_group)) return false;
+    if (!type->project_line_with_jacobian(values[3], block.line, &on_group, d_line.data(), d_group))
+      return false;
     const IdealCalibration k = camera.model->ideal_calibration(values[2]);
     LineInImage a, b;
     ProjectLine(datum.sensor, values[1], k, block.line, &a);
@@ -42,16 +44,19 @@ struct GroupLineResidual {
             (rho_a.d_line * a.d_line - b_by_line * d_line) * block.d_tangent;
       }
       if (jacobians[1]) {
-        Eigen::Map<RowMajor<2, 6>>{jacobians[1] + 12 * e} = rho_a.d_line * a.d_pose - rho_b.d_line * b.d_pose;
+        Eigen::Map<RowMajor<2, 6>>{jacobians[1] + 12 * e} =
+            rho_a.d_line * a.d_pose - rho_b.d_line * b.d_pose;
       }
       if (jacobians[2]) {
         double* J = jacobians[2] + 2 * num_params * e;
         std::fill_n(J, 2 * num_params, 0.0);
-        AddCalibrationColumns<2>(k, rho_a.d_line * a.d_calibration - rho_b.d_line * b.d_calibration, num_params, J);
+        AddCalibrationColumns<2>(k, rho_a.d_line * a.d_calibration - rho_b.d_line * b.d_calibration,
+                                 num_params, J);
         if (camera.observations_move) {
           const Eigen::Matrix2d by_end = rho_a.d_point - rho_b.d_point;
           for (int c = 0; c < num_params; ++c) {
-            const Eigen::Vector2d d = by_end * Eigen::Vector2d(d_params[c], d_params[num_params + c]);
+            const Eigen::Vector2d d =
+                by_end * Eigen::Vector2d(d_params[c], d_params[num_params + c]);
             J[c] += d.x();
             J[num_params + c] += d.y();
           }

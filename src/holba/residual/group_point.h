@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// group_point: r = pi(C, X) - pi(C, Proj_G(X)), pixels, R^2 (paper, Eq. 9). Blocks: point (the one feature), pose,
-// intrinsics, group. Absent: Proj_G(X) is undefined, or X or Proj_G(X) has no image.
+// group_point: r = pi(C, X) - pi(C, Proj_G(X)), pixels, R^2 (paper, Eq. 9). Blocks: point (the one
+// feature), pose, intrinsics, group. Absent: Proj_G(X) is undefined, or X or Proj_G(X) has no
+// image.
 #pragma once
 
 #include "holba/residual/group_tangent.h"
@@ -22,7 +23,8 @@ struct GroupPointResidual {
     Eigen::Vector3d on_group;
     RowMajor<3, 3> d_point;
     double d_group[3 * kMaxGroupParams];
-    if (!type->project_point_with_jacobian(values[3], X, &on_group, d_point.data(), d_group)) return false;
+    if (!type->project_point_with_jacobian(values[3], X, &on_group, d_point.data(), d_group))
+      return false;
     PointInImage a, b;
     if (!ProjectPoint(*model, datum.sensor, values[1], values[2], X, &a) ||
         !ProjectPoint(*model, datum.sensor, values[1], values[2], on_group, &b)) {
@@ -32,12 +34,13 @@ struct GroupPointResidual {
     if (jacobians[0]) Eigen::Map<RowMajor<2, 3>>{jacobians[0]} = a.d_point - b.d_point * d_point;
     if (jacobians[1]) Eigen::Map<RowMajor<2, 6>>{jacobians[1]} = a.d_pose - b.d_pose;
     if (jacobians[2]) {
-      for (int i = 0; i < 2 * model->num_params; ++i) jacobians[2][i] = a.d_params[i] - b.d_params[i];
+      for (int i = 0; i < 2 * model->num_params; ++i)
+        jacobians[2][i] = a.d_params[i] - b.d_params[i];
     }
     if (jacobians[3]) {
       const auto d = ByGroupTangent<3>(*type, values[3], d_group);
-      Eigen::Map<Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>>(jacobians[3], 2, d.cols()) =
-          -b.d_point.lazyProduct(d);
+      Eigen::Map<Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>>(
+          jacobians[3], 2, d.cols()) = -b.d_point.lazyProduct(d);
     }
     return true;
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// line: r = rho(pi(C, L), l_obs), ideal pixels, R^4: the perpendicular vectors from both observed end points to the
-// projected line (paper, Eq. 4). Blocks: line (the feature), pose, intrinsics.
+// line: r = rho(pi(C, L), l_obs), ideal pixels, R^4: the perpendicular vectors from both observed
+// end points to the projected line (paper, Eq. 4). Blocks: line (the feature), pose, intrinsics.
 // Absent: an end point has no ideal pixel; the projected line has no direction.
 #pragma once
 
@@ -34,16 +34,19 @@ struct LineResidual {
       if (!rho.Set(image.l, x)) return false;
       Eigen::Map<Eigen::Vector2d>{residual + 2 * e} = rho.value;
       if (jacobians[0]) {
-        Eigen::Map<RowMajor<2, 4>>{jacobians[0] + 8 * e} = rho.d_line * image.d_line * block.d_tangent;
+        Eigen::Map<RowMajor<2, 4>>{jacobians[0] + 8 * e} =
+            rho.d_line * image.d_line * block.d_tangent;
       }
-      if (jacobians[1]) Eigen::Map<RowMajor<2, 6>>{jacobians[1] + 12 * e} = rho.d_line * image.d_pose;
+      if (jacobians[1])
+        Eigen::Map<RowMajor<2, 6>>{jacobians[1] + 12 * e} = rho.d_line * image.d_pose;
       if (jacobians[2]) {
         double* J = jacobians[2] + 2 * num_params * e;
         std::fill_n(J, 2 * num_params, 0.0);
         AddCalibrationColumns<2>(k, rho.d_line * image.d_calibration, num_params, J);
         if (camera.observations_move) {
           for (int c = 0; c < num_params; ++c) {
-            const Eigen::Vector2d d = rho.d_point * Eigen::Vector2d(d_params[c], d_params[num_params + c]);
+            const Eigen::Vector2d d =
+                rho.d_point * Eigen::Vector2d(d_params[c], d_params[num_params + c]);
             J[c] += d.x();
             J[num_params + c] += d.y();
           }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// point: r = pi(C, X) - x, pixels, R^2 (paper, Eq. 1). Blocks: point (the feature), pose, intrinsics.
-// Absent: the point has no image (behind the camera).
+// point: r = pi(C, X) - x, pixels, R^2 (paper, Eq. 1). Blocks: point (the feature), pose,
+// intrinsics. Absent: the point has no image (behind the camera).
 #pragma once
 
 #include "holba/residual/view.h"

@@ -1,26 +1,30 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Every residual: its Jacobians against central differences along the manifolds, and its equation against FORMAT.md
-// written out plainly.
+// Every residual: its Jacobians against central differences along the manifolds, and its equation
+// against FORMAT.md written out plainly.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/SVD>
 #include <array>
 #include <map>
 #include <memory>
 #include <optional>
 #include <set>
 
-#include <Eigen/SVD>
-
 #include "holba/base/random.h"
 #include "holba/problem/residual_batch.h"
-#include "holba/residual/direction.h"
-#include "holba/residual/distance_3d.h"
 #include "holba/residual/group_line.h"
+#include "holba/residual/group_line_3d.h"
+#include "holba/residual/group_measurement.h"
 #include "holba/residual/group_point.h"
+#include "holba/residual/group_point_3d.h"
 #include "holba/residual/line.h"
 #include "holba/residual/point.h"
-#include "holba/residual/wireframe.h"
+#include "holba/residual/relation.h"
+#include "holba/residual/vanishing_point.h"
+#include "holba/residual/wireframe_3d.h"
+#include "holba/residual/wireframe_line.h"
+#include "holba/residual/wireframe_point.h"
 
 namespace holba {
 namespace {
@@ -31,7 +35,8 @@ struct Slot {
 };
 
 template <typename Kernel>
-std::optional<std::vector<double>> Value(const Kernel& kernel, const typename Kernel::Datum& datum, const std::vector<Slot>& slots) {
+std::optional<std::vector<double>> Value(const Kernel& kernel, const typename Kernel::Datum& datum,
+                                         const std::vector<Slot>& slots) {
   const double* values[kMaxSlots] = {};
   double* none[kMaxSlots] = {};
   for (size_t s = 0; s < slots.size(); ++s) values[s] = slots[s].values.data();
@@ -40,10 +45,11 @@ std::optional<std::vector<double>> Value(const Kernel& kernel, const typename Ke
   return r;
 }
 
-// Largest difference between the kernel's Jacobians and central differences, relative to the largest entry of the block.
+// Largest difference between the kernel's Jacobians and central differences, relative to the
+// largest entry of the block.
 template <typename Kernel>
-void ExpectJacobians(const Kernel& kernel, const typename Kernel::Datum& datum, const std::vector<Slot>& slots,
-                     const std::string& what) {
+void ExpectJacobians(const Kernel& kernel, const typename Kernel::Datum& datum,
+                     const std::vector<Slot>& slots, const std::string& what) {
   const double* values[kMaxSlots] = {};
   double storage[kMaxSlots][kMaxResidualDim * kMaxTangent];
   double* jacobians[kMaxSlots] = {};
@@ -56,10 +62,13 @@ void ExpectJacobians(const Kernel& kernel, const typename Kernel::Datum& datum, 
   for (size_t s = 0; s < slots.size(); ++s) {
     const int tangent = slots[s].manifold->tangent;
     double largest = 1e-6;
-    for (int k = 0; k < Kernel::kDim * tangent; ++k) largest = std::max(largest, std::abs(storage[s][k]));
+    for (int k = 0; k < Kernel::kDim * tangent; ++k)
+      largest = std::max(largest, std::abs(storage[s][k]));
     for (int c = 0; c < tangent; ++c) {
       // Intrinsics range from distortion (1e-2) to focal lengths (1e3): a step that suits each.
-      const double h = slots[s].manifold->ambient == tangent ? 1e-6 * std::max(1.0, std::abs(slots[s].values[c])) : 1e-6;
+      const double h = slots[s].manifold->ambient == tangent
+                           ? 1e-6 * std::max(1.0, std::abs(slots[s].values[c]))
+                           : 1e-6;
       std::array<std::vector<double>, 2> moved;
       for (int side = 0; side < 2; ++side) {
         std::vector<double> delta(tangent, 0.0);
@@ -72,7 +81,8 @@ void ExpectJacobians(const Kernel& kernel, const typename Kernel::Datum& datum, 
       }
       for (int k = 0; k < Kernel::kDim; ++k) {
         const double numeric = (moved[0][k] - moved[1][k]) / (2 * h);
-        EXPECT_NEAR(storage[s][k * tangent + c], numeric, 2e-6 * largest + 1e-5 * std::abs(numeric) + 3e-7)
+        EXPECT_NEAR(storage[s][k * tangent + c], numeric,
+                    2e-6 * largest + 1e-5 * std::abs(numeric) + 3e-7)
             << what << ", slot " << s << ", row " << k << ", column " << c;
       }
     }
@@ -92,7 +102,9 @@ std::vector<double> ParamsOf(const CameraModel& model) {
 
 struct Scene {
   Random random{7};
-  Eigen::Vector3d Vector(double s) { return {random.Normal(s), random.Normal(s), random.Normal(s)}; }
+  Eigen::Vector3d Vector(double s) {
+    return {random.Normal(s), random.Normal(s), random.Normal(s)};
+  }
   Slot Pose() {
     const Eigen::Quaterniond q = ExpRotation(Vector(0.2));
     const Eigen::Vector3d t = Eigen::Vector3d(0, 0, 8) + Vector(0.3);
@@ -106,7 +118,9 @@ struct Scene {
     const Eigen::Vector3d d = Vector(1.0).normalized(), p = Vector(1.0);
     return {&OpsOf<LineManifold>(), {d.x(), d.y(), d.z(), p.x(), p.y(), p.z()}};
   }
-  Slot Camera(const CameraModel& model) { return {&EuclideanOps(model.num_params), ParamsOf(model)}; }
+  Slot Camera(const CameraModel& model) {
+    return {&EuclideanOps(model.num_params), ParamsOf(model)};
+  }
   Slot Group(const GroupType& type) {
     static const std::map<std::string_view, std::vector<double>> plain = {
         {"VP", {0.6, 0.0, 0.8}},
@@ -121,8 +135,10 @@ struct Scene {
     return {type.manifold, g};
   }
   Eigen::Vector2d Pixel() { return {500 + random.Normal(150), 480 + random.Normal(150)}; }
-  SegmentDatum Segment(const CameraModel& model, const std::vector<double>& params, const SensorPose* sensor) {
-    return {IdealObservation(model, params.data(), Pixel()), IdealObservation(model, params.data(), Pixel()), sensor};
+  SegmentDatum Segment(const CameraModel& model, const std::vector<double>& params,
+                       const SensorPose* sensor) {
+    return {IdealObservation(model, params.data(), Pixel()),
+            IdealObservation(model, params.data(), Pixel()), sensor};
   }
 };
 
@@ -140,10 +156,12 @@ class ResidualsOfCamera : public testing::TestWithParam<std::tuple<const char*, 
 TEST_P(ResidualsOfCamera, HaveTheJacobiansOfTheirFormulas) {
   for (int repeat = 0; repeat < 5; ++repeat) {
     const Slot camera = scene.Camera(model);
-    ExpectJacobians(PointResidual{&model}, {scene.Pixel(), sensor}, {scene.Point(), scene.Pose(), camera}, "point");
+    ExpectJacobians(PointResidual{&model}, {scene.Pixel(), sensor},
+                    {scene.Point(), scene.Pose(), camera}, "point");
     ExpectJacobians(LineResidual{line_camera}, scene.Segment(model, camera.values, sensor),
                     {scene.Line(), scene.Pose(), camera}, "line");
-    ExpectJacobians(WireframePointResidual{line_camera}, scene.Segment(model, camera.values, sensor),
+    ExpectJacobians(WireframePointResidual{line_camera},
+                    scene.Segment(model, camera.values, sensor),
                     {scene.Point(), scene.Pose(), camera}, "wireframe_point");
     ExpectJacobians(WireframeLineResidual{line_camera},
                     {IdealObservation(model, camera.values.data(), scene.Pixel()), sensor},
@@ -151,18 +169,22 @@ TEST_P(ResidualsOfCamera, HaveTheJacobiansOfTheirFormulas) {
     for (const GroupType* type : AllGroupTypes()) {
       if (type->project_point) {
         ExpectJacobians(GroupPointResidual{&model, type}, {sensor},
-                        {scene.Point(), scene.Pose(), camera, scene.Group(*type)}, "group_point " + std::string(type->name));
+                        {scene.Point(), scene.Pose(), camera, scene.Group(*type)},
+                        "group_point " + std::string(type->name));
       }
       if (type->project_line) {
-        ExpectJacobians(GroupLineResidual{line_camera, type}, scene.Segment(model, camera.values, sensor),
-                        {scene.Line(), scene.Pose(), camera, scene.Group(*type)}, "group_line " + std::string(type->name));
+        ExpectJacobians(GroupLineResidual{line_camera, type},
+                        scene.Segment(model, camera.values, sensor),
+                        {scene.Line(), scene.Pose(), camera, scene.Group(*type)},
+                        "group_line " + std::string(type->name));
       }
     }
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(Models, ResidualsOfCamera,
-                         testing::Combine(testing::Values("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "OPENCV",
+                         testing::Combine(testing::Values("SIMPLE_PINHOLE", "PINHOLE",
+                                                          "SIMPLE_RADIAL", "OPENCV",
                                                           "OPENCV_FISHEYE", "FULL_OPENCV"),
                                           testing::Bool()));
 
@@ -174,16 +196,20 @@ TEST(ResidualsWithoutCamera, HaveTheJacobiansOfTheirFormulas) {
       ExpectJacobians(VanishingPointResidual{type}, {}, {scene.Line(), scene.Group(*type)}, "vp");
     }
     if (type->project_point) {
-      ExpectJacobians(GroupPoint3dResidual{type}, {}, {scene.Point(), scene.Group(*type)}, "group_point_3d " + name);
-      ExpectJacobians(GroupLine3dResidual{type}, {{-0.4, 0.7}}, {scene.Line(), scene.Group(*type)}, "group_line_3d " + name);
+      ExpectJacobians(GroupPoint3dResidual{type}, {}, {scene.Point(), scene.Group(*type)},
+                      "group_point_3d " + name);
+      ExpectJacobians(GroupLine3dResidual{type}, {{-0.4, 0.7}}, {scene.Line(), scene.Group(*type)},
+                      "group_line_3d " + name);
     }
     if (!type->HasDirection()) continue;
-    ExpectJacobians(GroupMeasurementResidual{type}, {Eigen::Vector3d(0.6, 0.64, 0.48), 0.02, &kSensor},
+    ExpectJacobians(GroupMeasurementResidual{type},
+                    {Eigen::Vector3d(0.6, 0.64, 0.48), 0.02, &kSensor},
                     {scene.Group(*type), scene.Pose()}, "group_measurement " + name);
     for (const GroupType* other : AllGroupTypes()) {
       if (!other->HasDirection()) continue;
       std::vector<Slot> both{scene.Group(*type), scene.Group(*other)};
-      both[1].manifold->plus(scene.Group(*other).values.data(), std::vector<double>(16, 0.1).data(), both[1].values.data());
+      both[1].manifold->plus(scene.Group(*other).values.data(), std::vector<double>(16, 0.1).data(),
+                             both[1].values.data());
       ExpectJacobians(OrthogonalResidual{{type, other}}, {}, both, "orthogonal " + name);
       ExpectJacobians(ParallelResidual{{type, other}}, {}, both, "parallel " + name);
     }
@@ -195,8 +221,9 @@ TEST(LineResidual, VanishesExactlyWhereBothEndsLieOnTheProjectedLine) {
   const CameraModel& model = *FindCameraModel("OPENCV");
   Scene scene;
   const Slot camera = scene.Camera(model), pose = scene.Pose(), line = scene.Line();
-  const Rigid3d cam_from_world(Eigen::Quaterniond(pose.values[3], pose.values[0], pose.values[1], pose.values[2]),
-                               {pose.values[4], pose.values[5], pose.values[6]});
+  const Rigid3d cam_from_world(
+      Eigen::Quaterniond(pose.values[3], pose.values[0], pose.values[1], pose.values[2]),
+      {pose.values[4], pose.values[5], pose.values[6]});
   const Eigen::Map<const Eigen::Vector3d> d(line.values.data()), p(line.values.data() + 3);
   Eigen::Vector2d start, end;
   ASSERT_TRUE(model.project(camera.values.data(), cam_from_world * (p - 0.5 * d), &start));
@@ -223,7 +250,9 @@ TEST(LineResidual, StaysWellConditionedForLinesThroughTheOrigin) {
       double r[4], J[16];
       const double* values[] = {line.values.data(), pose.values.data(), camera.values.data()};
       double* jacobians[] = {J, nullptr, nullptr};
-      ASSERT_TRUE(LineResidual({{&model, false}}).Evaluate(scene.Segment(model, camera.values, nullptr), values, r, jacobians));
+      ASSERT_TRUE(
+          LineResidual({{&model, false}})
+              .Evaluate(scene.Segment(model, camera.values, nullptr), values, r, jacobians));
       stacked.middleRows<4>(4 * view) = Eigen::Map<RowMajor<4, 4>>(J);
     }
     const Eigen::Vector4d singular = Eigen::JacobiSVD<Eigen::MatrixXd>(stacked).singularValues();
@@ -236,7 +265,8 @@ TEST(PointResidual, IsAbsentBehindTheCamera) {
   Scene scene;
   Slot pose = scene.Pose();
   pose.values[6] = -8;
-  EXPECT_FALSE(Value(PointResidual{&model}, {scene.Pixel(), nullptr}, {scene.Point(), pose, scene.Camera(model)}));
+  EXPECT_FALSE(Value(PointResidual{&model}, {scene.Pixel(), nullptr},
+                     {scene.Point(), pose, scene.Camera(model)}));
 }
 
 }  // namespace

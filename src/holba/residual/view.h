@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Half of the chain rule: what a camera at a pose makes of a world point or line, with derivatives with respect to
-// the feature, the pose (tangent of PoseManifold) and the intrinsics. Groups never appear here.
+// Half of the chain rule: what a camera at a pose makes of a world point or line, with derivatives
+// with respect to the feature, the pose (tangent of PoseManifold) and the intrinsics. Groups never
+// appear here.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,6 +10,7 @@
 
 #include "holba/camera/camera_model.h"
 #include "holba/geometry/line.h"
+#include "holba/geometry/manifold.h"
 #include "holba/geometry/types.h"
 
 namespace holba {
@@ -19,8 +21,8 @@ struct SensorPose {
   Eigen::Vector3d translation;
 };
 
-// Depths below this share of the distance to the camera count as behind it: the pixel would be at the
-// horizon (less than 6e-5 degrees from 90 degrees off the axis).
+// Depths below this share of the distance to the camera count as behind it: the pixel would be at
+// the horizon (less than 6e-5 degrees from 90 degrees off the axis).
 inline constexpr double kMinRelativeDepth = 1e-6;
 
 inline Eigen::Matrix3d PoseRotation(const double* pose) {
@@ -69,8 +71,9 @@ inline bool ProjectPoint(const CameraModel& model, const SensorPose* sensor, con
 }
 
 // In ideal pixels (fx x/z + cx, fy y/z + cy); d_params has the model's num_params columns.
-inline bool ProjectPointIdeal(const CameraModel& model, const SensorPose* sensor, const double* pose,
-                              const double* params, const Eigen::Vector3d& X, PointInImage* out) {
+inline bool ProjectPointIdeal(const CameraModel& model, const SensorPose* sensor,
+                              const double* pose, const double* params, const Eigen::Vector3d& X,
+                              PointInImage* out) {
   const PointInCamera in_cam(sensor, pose, X);
   const Eigen::Vector3d& x = in_cam.x;
   if (!(x.z() > kMinRelativeDepth * x.norm())) return false;
@@ -91,7 +94,8 @@ inline bool ProjectPointIdeal(const CameraModel& model, const SensorPose* sensor
   return true;
 }
 
-// Image l of a world line (d, m): l . (x, y, 1) = 0 in ideal pixels; l = K_l m_c, K_l the cofactors of K.
+// Image l of a world line (d, m): l . (x, y, 1) = 0 in ideal pixels; l = K_l m_c, K_l the cofactors
+// of K.
 struct LineInImage {
   Eigen::Vector3d l;
   RowMajor<3, 6> d_line;
@@ -135,8 +139,8 @@ inline void ProjectLine(const SensorPose* sensor, const double* pose, const Idea
 
 // Adds d * d(calibration)/d(params) to a Jacobian of `rows` rows and num_params columns.
 template <int Rows>
-void AddCalibrationColumns(const IdealCalibration& k, const Eigen::Matrix<double, Rows, 4>& d, int num_params,
-                           double* jacobian) {
+void AddCalibrationColumns(const IdealCalibration& k, const Eigen::Matrix<double, Rows, 4>& d,
+                           int num_params, double* jacobian) {
   const int idx[4] = {k.fx_idx, k.fy_idx, k.cx_idx, k.cy_idx};
   for (int c = 0; c < 4; ++c) {
     if (idx[c] < 0) continue;
@@ -144,7 +148,8 @@ void AddCalibrationColumns(const IdealCalibration& k, const Eigen::Matrix<double
   }
 }
 
-// An observed pixel in ideal pixels. Where intrinsics of a distorted camera move, it moves with them.
+// An observed pixel in ideal pixels. Where intrinsics of a distorted camera move, it moves with
+// them.
 struct IdealObservation {
   Eigen::Vector2d pixel;  // as observed
   Eigen::Vector2d ideal;  // with the intrinsics of the start
@@ -172,8 +177,9 @@ struct LineCamera {
       *ideal = observation.ideal;
       return observation.valid;
     }
-    const auto found = d_params ? IdealPixelWithJacobian(*model, params, observation.pixel, d_params)
-                                : IdealPixel(*model, params, observation.pixel);
+    const auto found = d_params
+                           ? IdealPixelWithJacobian(*model, params, observation.pixel, d_params)
+                           : IdealPixel(*model, params, observation.pixel);
     if (found) *ideal = *found;
     return found.has_value();
   }
@@ -195,7 +201,8 @@ struct LineBlock {
   }
 };
 
-// Perpendicular vector from an observed (ideal) point x to the line l: (l.x) / (l1^2 + l2^2) (l1, l2).
+// Perpendicular vector from an observed (ideal) point x to the line l: (l.x) / (l1^2 + l2^2) (l1,
+// l2).
 struct Perpendicular {
   Eigen::Vector2d value;
   RowMajor<2, 3> d_line;

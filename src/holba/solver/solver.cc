@@ -15,15 +15,19 @@ void SolverOptions::Describe(OptionTable* table) {
                  {"dense", LinearSolver::kDense},
                  {"sparse", LinearSolver::kSparse},
                  {"iterative", LinearSolver::kIterative}},
-                "How the reduced system is solved; auto: dense up to 50 frames, sparse up to 1000, then iterative.");
+                "How the reduced system is solved; auto: dense up to 50 frames, sparse up to 1000, "
+                "then iterative.");
   table->Field("num_threads", &num_threads, AtLeast(-1),
-               "Threads; -1: one below 50000 residuals, else all. Ceres repeats bit for bit only with 1.");
+               "Threads; -1: as many as repeat bit for bit (Ceres: 1; with more its sums change in "
+               "the last digits).");
   table->Field("max_num_iterations", &max_num_iterations, AtLeast(0), "Most iterations.");
   table->Field("max_linear_solver_iterations", &max_linear_solver_iterations, AtLeast(1),
                "Most conjugate gradient steps of the iterative solver in one iteration.");
-  table->Field("max_seconds", &max_seconds, GreaterThan(0), "Most wall time of one adjustment, seconds.");
+  table->Field("max_seconds", &max_seconds, GreaterThan(0),
+               "Most wall time of one adjustment, seconds.");
   table->Field("function_tolerance", &function_tolerance, AtLeast(0),
-               "Converged when the cost of the terms in pixels changes less than this share of itself; 0: off.");
+               "Converged when the cost of the terms in pixels changes less than this share of "
+               "itself; 0: off.");
   table->Field("gradient_tolerance", &gradient_tolerance, AtLeast(0),
                "Converged when no entry of the gradient is larger (COLMAP: 1e-4); 0: off.");
   table->Field("parameter_tolerance", &parameter_tolerance, AtLeast(0),
@@ -36,12 +40,18 @@ void SolverOptions::Describe(OptionTable* table) {
 
 std::string NameOf(StopReason reason) {
   switch (reason) {
-    case StopReason::kConverged: return "converged";
-    case StopReason::kMaxIterations: return "max_num_iterations";
-    case StopReason::kMaxTime: return "max_seconds";
-    case StopReason::kNoStep: return "no_step_improves";
-    case StopReason::kCallback: return "stopped_by_caller";
-    case StopReason::kNothingToDo: return "nothing_to_adjust";
+    case StopReason::kConverged:
+      return "converged";
+    case StopReason::kMaxIterations:
+      return "max_num_iterations";
+    case StopReason::kMaxTime:
+      return "max_seconds";
+    case StopReason::kNoStep:
+      return "no_step_improves";
+    case StopReason::kCallback:
+      return "stopped_by_caller";
+    case StopReason::kNothingToDo:
+      return "nothing_to_adjust";
   }
   return "";
 }
@@ -56,7 +66,8 @@ double SolverSummary::MedianIterationSeconds() const {
 
 SolverSummary Solve(const SolverOptions& options, Problem* problem) {
   switch (options.backend) {
-    case Backend::kCeres: return SolveWithCeres(options, problem);
+    case Backend::kCeres:
+      return SolveWithCeres(options, problem);
   }
   return {};
 }

@@ -60,10 +60,10 @@ struct SolverSummary {
   int accepted_steps = 0;
   double initial_cost = 0.0, final_cost = 0.0;
   std::vector<TermCost> initial_terms, final_terms;
-  // Seconds. Ceres does not tell its linear solver's parts apart: eliminate then holds all of it and
-  // factorise and back_substitute are negative (unknown).
-  double build_seconds = 0.0, linearise_seconds = 0.0, eliminate_seconds = 0.0, factorise_seconds = -1.0,
-         back_substitute_seconds = -1.0, total_seconds = 0.0;
+  // Seconds. Ceres does not tell its linear solver's parts apart: eliminate then holds all of it
+  // and factorise and back_substitute are negative (unknown).
+  double build_seconds = 0.0, linearise_seconds = 0.0, eliminate_seconds = 0.0,
+         factorise_seconds = -1.0, back_substitute_seconds = -1.0, total_seconds = 0.0;
   std::vector<double> iteration_seconds;  // of the steps tried
   ReducedSystem reduced_system;
 

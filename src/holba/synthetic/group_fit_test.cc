@@ -73,7 +73,7 @@ TEST(FitGroupRobustly, IsNearerToTheTruthThanTheNoisyPointsDespiteWrongOnes) {
       errors.push_back(Rms(*type, *fit, sample.exact));
     }
     std::sort(errors.begin(), errors.end());
-    EXPECT_LT(errors[6], kNoise) << type->name;
+    EXPECT_LT(errors[3], kNoise) << type->name;
   }
 }
 

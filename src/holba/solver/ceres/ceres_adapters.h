@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// holba's manifolds, losses and residuals as Ceres wants them: ranges of one, Jacobians of ambient coordinates.
+// holba's manifolds, losses and residuals as Ceres wants them: ranges of one, Jacobians of ambient
+// coordinates.
 #pragma once
 
 #include <ceres/cost_function.h>
@@ -41,8 +42,8 @@ class CeresLoss final : public ceres::LossFunction {
   double weight_;
 };
 
-// Value that a residual had when it was last present at an accepted state; it stands in while the residual
-// is absent, with a zero Jacobian, so that hiding a residual gains nothing.
+// Value that a residual had when it was last present at an accepted state; it stands in while the
+// residual is absent, with a zero Jacobian, so that hiding a residual gains nothing.
 struct ResidualMemory {
   std::vector<double> values;  // dim per residual
   std::vector<uint8_t> known;
@@ -59,7 +60,8 @@ class CeresResidual final : public ceres::CostFunction {
   const Problem& problem_;
   const ResidualBatch& batch_;
   size_t index_;
-  ResidualMemory* memory_;  // this residual's entries are written by whoever evaluates it: one thread at a time
+  ResidualMemory*
+      memory_;  // this residual's entries are written by whoever evaluates it: one thread at a time
 };
 
 }  // namespace holba

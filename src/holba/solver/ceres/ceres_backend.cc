@@ -18,8 +18,6 @@ namespace {
 // COLMAP's bounds on the number of frames.
 constexpr size_t kMaxFramesDense = 50;
 constexpr size_t kMaxFramesSparse = 1000;
-// Below, more threads cost more than they give (COLMAP).
-constexpr size_t kMinResidualsForThreads = 50000;
 // From here LAPACK's blocked factorisation beats Eigen's.
 constexpr size_t kMinSizeLapack = 600;
 
@@ -31,7 +29,6 @@ struct CeresProblem {
   std::vector<std::unique_ptr<CeresResidual>> residuals;
   std::vector<ResidualMemory> memories;  // by batch
   size_t num_variable_frames = 0;
-  int num_scalar_residuals = 0;
 
   CeresProblem() : problem(Options()) {}
   static ceres::Problem::Options Options() {
@@ -114,7 +111,6 @@ void Fill(Problem& problem, CeresProblem* out, ceres::ParameterBlockOrdering* or
       out->residuals.push_back(
           std::make_unique<CeresResidual>(problem, batch, i, &out->memories[b]));
       out->problem.AddResidualBlock(out->residuals.back().get(), loss, parameters);
-      out->num_scalar_residuals += batch.dim();
     }
   }
 }
@@ -170,7 +166,7 @@ class IterationWatch final : public ceres::IterationCallback {
     }
     if (options_.on_iteration && !options_.on_iteration(record)) {
       summary_->stop_reason = StopReason::kCallback;
-      return ceres::SOLVER_ABORT;
+      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;  // an abort would lose the best state
     }
     double watched = 0.0;
     for (const TermCost& term : record.terms) {
@@ -230,11 +226,8 @@ ceres::Solver::Options ToCeres(const SolverOptions& options, const CeresProblem&
       summary->linear_solver = "ITERATIVE_SCHUR (SCHUR_JACOBI)";
       break;
   }
-  ceres_options.num_threads =
-      options.num_threads == -1 &&
-              static_cast<size_t>(problem.num_scalar_residuals) < kMinResidualsForThreads
-          ? 1
-          : NumThreads(options.num_threads);
+  // With more threads Ceres adds up the reduced system in whatever order they finish.
+  ceres_options.num_threads = options.num_threads == -1 ? 1 : NumThreads(options.num_threads);
   ceres_options.max_num_iterations = options.max_num_iterations;
   ceres_options.max_linear_solver_iterations = options.max_linear_solver_iterations;
   ceres_options.max_solver_time_in_seconds = options.max_seconds;
@@ -243,6 +236,7 @@ ceres::Solver::Options ToCeres(const SolverOptions& options, const CeresProblem&
   ceres_options.parameter_tolerance = options.parameter_tolerance;
   ceres_options.initial_trust_region_radius = options.initial_trust_radius;
   ceres_options.max_num_consecutive_invalid_steps = 10;
+  ceres_options.update_state_every_iteration = true;  // else a failure would lose the best state
   ceres_options.logging_type = ceres::SILENT;
   return ceres_options;
 }
@@ -309,8 +303,8 @@ SolverSummary SolveWithCeres(const SolverOptions& options, Problem* problem) {
   summary.final_cost = 0.0;
   for (const TermCost& term : summary.final_terms) summary.final_cost += term.cost;
   summary.iterations = static_cast<int>(summary.iteration_seconds.size());
-  summary.linearise_seconds =
-      ceres_summary.jacobian_evaluation_time_in_seconds + ceres_summary.residual_evaluation_time_in_seconds;
+  summary.linearise_seconds = ceres_summary.jacobian_evaluation_time_in_seconds +
+                              ceres_summary.residual_evaluation_time_in_seconds;
   summary.eliminate_seconds = ceres_summary.linear_solver_time_in_seconds;
   summary.build_seconds += ceres_summary.preprocessor_time_in_seconds;
   summary.total_seconds = timer.Seconds();
