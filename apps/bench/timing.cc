@@ -4,10 +4,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <ctime>
 #include <limits>
 
 #include "holba/base/check.h"
 #include "holba/base/log.h"
+#include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
 #include "holba/evaluation/statistics.h"
 
@@ -28,14 +30,27 @@ std::string NameOf(LinearSolver solver) {
   return "auto";
 }
 
+double CpuSeconds() {
+  timespec now;
+  HOLBA_CHECK(clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now) == 0);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
 // Runs `iterations` iterations and adds what they showed to `timing`.
-void RunOnce(SolverOptions solver, int iterations, BundleProblem* bundle, Timing* timing) {
+void RunOnce(SolverOptions solver, int iterations, TimingClock clock, BundleProblem* bundle,
+             Timing* timing) {
   Problem& problem = bundle->problem;
   const std::vector<double> start = problem.state();
+  timing->iterations = 0;
   std::vector<double> seconds;
+  double cpu_before = 0.0;
   solver.on_iteration = [&](const IterationRecord& record) {
+    const double cpu = CpuSeconds();
     // The first iteration includes the symbolic analysis; a rejected step has no new Jacobian.
-    if (record.iteration > 1 && record.accepted) seconds.push_back(record.seconds);
+    if (record.iteration > 1 && record.accepted) {
+      seconds.push_back(clock == TimingClock::kWall ? record.seconds : cpu - cpu_before);
+    }
+    cpu_before = cpu;
     return true;
   };
   for (int left = iterations; left > 0;) {
@@ -46,6 +61,7 @@ void RunOnce(SolverOptions solver, int iterations, BundleProblem* bundle, Timing
     timing->reduced_system = summary.reduced_system;
     HOLBA_CHECK_MSG(summary.iterations > 0, "the benchmark's problem has nothing to adjust");
     left -= summary.iterations;
+    timing->iterations += summary.iterations;
   }
   problem.state() = start;
   if (const auto stats = Summarise(seconds)) {
@@ -65,7 +81,8 @@ const Timing& Find(const std::vector<Timing>& timings, int num_images, LinearSol
 Table TimeTable(const TimingOptions& options, const std::vector<TimingCase>& cases,
                 const std::vector<Timing>& timings) {
   Table table = {
-      fmt::format("Milliseconds per iteration, in parentheses relative to {}:", cases[0].name),
+      fmt::format("Milliseconds{} per iteration, in parentheses relative to {}:",
+                  options.clock == TimingClock::kCpu ? " of processor time" : "", cases[0].name),
       {"images, Schur complement"},
       {}};
   for (const TimingCase& c : cases) table.header.push_back(c.name);
@@ -156,11 +173,17 @@ std::vector<Timing> TimeIterations(const TimingOptions& options,
                            .num_residuals = bundles[i].problem.num_residuals()});
       }
     }
+    std::vector<double> longest_run(timings.size() - first, 0.0);
     for (int repetition = 0; repetition < options.repetitions; ++repetition) {
       for (size_t t = first; t < timings.size(); ++t) {
         Timing& timing = timings[t];
+        double& run_seconds = longest_run[t - first];
+        if (run_seconds > options.max_repeated_seconds) continue;
+        const Timer timer;
         solver.linear_solver = timing.linear_solver;
-        RunOnce(solver, options.iterations, &bundles[(t - first) % cases.size()], &timing);
+        RunOnce(solver, options.iterations, options.clock, &bundles[(t - first) % cases.size()],
+                &timing);
+        run_seconds = std::max(run_seconds, timer.Seconds());
         LogInfo("{} images, {}, {}: {} ms per iteration (repetition {} of {})", num_images,
                 NameOf(timing.linear_solver), timing.name,
                 ThreeDigits(1e3 * timing.seconds_per_iteration), repetition + 1,
@@ -183,6 +206,7 @@ nlohmann::json TimingsToJson(const std::vector<Timing>& timings) {
                     {"case", t.name},
                     {"schur", NameOf(t.linear_solver)},
                     {"linear_solver", t.used_solver},
+                    {"iterations", t.iterations},
                     {"seconds_per_iteration", t.seconds_per_iteration},
                     {"residuals", t.num_residuals},
                     {"reduced_system",

@@ -23,11 +23,17 @@ std::vector<TimingCase> ConfigCases(const BundleOptions& bundle);
 // Holistic with its wireframe in 2D and in 3D.
 std::vector<TimingCase> WireframeFormCases(const BundleOptions& bundle);
 
+// kCpu: of all threads of the process; with one thread what a quiet machine's wall clock would
+// show, also on a busy one.
+enum class TimingClock { kWall, kCpu };
+
 struct TimingOptions {
   std::vector<int> num_images;
   std::vector<LinearSolver> linear_solvers;
   int iterations = 20;
   int repetitions = 3;
+  double max_repeated_seconds = 60.0;  // a run that took longer is not repeated
+  TimingClock clock = TimingClock::kWall;
   BundleProblemOptions scene;  // num_images apart
   SolverOptions solver;        // iterations, tolerances and linear solver apart
 };
@@ -38,6 +44,7 @@ struct Timing {
   std::string name;
   // Least over the repetitions of the median over the accepted iterations but the first.
   double seconds_per_iteration = 0.0;
+  int iterations = 0;  // of one run
   std::string used_solver;
   ReducedSystem reduced_system;
   size_t num_residuals = 0;  // residual blocks

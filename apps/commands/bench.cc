@@ -69,6 +69,11 @@ class BenchJob : public Job {
                  "Iterations timed in one run; the first one is left out.");
     table->Field("repetitions", &repetitions_, AtLeast(1),
                  "Runs of each case, of which the fastest median counts.");
+    table->Field("max_repeated_seconds", &max_repeated_seconds_, AtLeast(0),
+                 "Runs that take longer are not repeated.");
+    table->Choice("clock", &clock_, {{"wall", TimingClock::kWall}, {"cpu", TimingClock::kCpu}},
+                  "Wall time, or processor time of all threads: with one thread (also "
+                  "OPENBLAS_NUM_THREADS=1) it shows the same on a busy machine.");
     table->Choice("schur", &schur_,
                   {{"dense", SchurChoice::kDense},
                    {"sparse", SchurChoice::kSparse},
@@ -116,6 +121,8 @@ class BenchJob : public Job {
     if (schur_ != SchurChoice::kSparse) options.linear_solvers.push_back(LinearSolver::kDense);
     options.iterations = iterations_;
     options.repetitions = repetitions_;
+    options.max_repeated_seconds = max_repeated_seconds_;
+    options.clock = clock_;
     options.scene = scene_;
     if (visibility_ == VisibilityChoice::kBoth)
       throw InputError("--visibility: times are of one visibility at once");
@@ -142,6 +149,8 @@ class BenchJob : public Job {
   int num_seeds_ = 10;
   int iterations_ = 20;
   int repetitions_ = 3;
+  double max_repeated_seconds_ = 60.0;
+  TimingClock clock_ = TimingClock::kWall;
   AlignmentBasis alignment_ = AlignmentBasis::kAuto;
   bool median_ = false;
   BundleOptions bundle_;

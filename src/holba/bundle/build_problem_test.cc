@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// From a model to a problem: which residuals there are (docs/FORMAT.md, "Residuals"), which blocks move, and that every
-// option acts on what it names.
-#include "holba/bundle/bundle_problem.h"
-
+// From a model to a problem: which residuals there are (docs/FORMAT.md, "Residuals"), which blocks
+// move, and that every option acts on what it names.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <set>
 
+#include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/bundle_testing.h"
 
 namespace holba {
@@ -24,23 +23,30 @@ struct SmallScene {
   std::vector<line3D_t> lines;
   group3D_t vp, plane, sphere, cuboid;
 
-  explicit SmallScene(std::string_view camera_model = "PINHOLE", std::vector<double> params = {700, 720, 500, 480}) : maker(camera_model, params) {
+  explicit SmallScene(std::string_view camera_model = "PINHOLE",
+                      std::vector<double> params = {700, 720, 500, 480})
+      : maker(camera_model, params) {
     for (int i = 0; i < 5; ++i) {
       maker.AddImage({6.0 * std::cos(1.2 * i), 6.0 * std::sin(1.2 * i), 4.0}, {0, 0, 0}, i >= 3);
     }
     maker.Finish();
-    points = {maker.AddPoint({0, 0, 0}, {1, 2, 3}), maker.AddPoint({1, 0, 0}, {1, 2}), maker.AddPoint({0, 1, 0}, {3, 4, 5, 1}),
-              maker.AddPoint({0.5, 0.5, 1}, {2, 4}), maker.AddPoint({-1, 0, 0}, {5})};
+    points = {maker.AddPoint({0, 0, 0}, {1, 2, 3}), maker.AddPoint({1, 0, 0}, {1, 2}),
+              maker.AddPoint({0, 1, 0}, {3, 4, 5, 1}), maker.AddPoint({0.5, 0.5, 1}, {2, 4}),
+              maker.AddPoint({-1, 0, 0}, {5})};
     // The first line has two segments in image 1, the last is seen in one image only.
-    lines = {maker.AddLine({0, 0, 0}, {1, 0, 0}, {1, 1, 2, 4}), maker.AddLine({0, 0, 0}, {0, 1, 0}, {2, 5}),
-             maker.AddLine({0.5, 0.5, 0}, {0.5, 0.5, 1}, {1, 3, 4}), maker.AddLine({1, 1, 0}, {1.5, 1, 0}, {3, 3})};
+    lines = {maker.AddLine({0, 0, 0}, {1, 0, 0}, {1, 1, 2, 4}),
+             maker.AddLine({0, 0, 0}, {0, 1, 0}, {2, 5}),
+             maker.AddLine({0.5, 0.5, 0}, {0.5, 0.5, 1}, {1, 3, 4}),
+             maker.AddLine({1, 1, 0}, {1.5, 1, 0}, {3, 3})};
     vp = maker.AddGroup("VP", {1, 0, 0}, {}, {lines[0], lines[3]});
-    plane = maker.AddGroup("PLANE", {0, 0, 1, 0}, {points[0], points[1], points[2], points[4]}, {lines[0], lines[1]});
+    plane = maker.AddGroup("PLANE", {0, 0, 1, 0}, {points[0], points[1], points[2], points[4]},
+                           {lines[0], lines[1]});
     sphere = maker.AddGroup("SPHERE", {0.5, 0.5, 0, 1}, {points[3], points[2]}, {});
     cuboid = maker.AddGroup("CUBOID", {1, 0, 0, 0, -2, -2, -2, -2, -2, 0}, {points[0]}, {lines[0]});
     maker.model.relations = {{vp, plane, RelationType::kOrthogonal}};
     // Edges: (points[0], lines[0]), (points[2], lines[1]), (points[3], lines[2]).
-    maker.model.wireframe = {{points[0], lines[0], 2}, {points[2], lines[1], 1}, {points[3], lines[2], 1}};
+    maker.model.wireframe = {
+        {points[0], lines[0], 2}, {points[2], lines[1], 1}, {points[3], lines[2], 1}};
     EXPECT_EQ(maker.model.FindInconsistency(), std::nullopt);
   }
   const Reconstruction& model() const { return maker.model; }
@@ -49,12 +55,12 @@ struct SmallScene {
 // Blocks per term as docs/FORMAT.md counts them, spelt out on the tracks above.
 constexpr size_t kPointResiduals = 3 + 2 + 4 + 2 + 1;
 constexpr size_t kLineResiduals = 4 + 2 + 3 + 2;
-constexpr size_t kGroupPointResiduals = (3 + 2 + 4 + 1) + (2 + 4) + 3;   // plane, sphere, cuboid
-constexpr size_t kGroupLineResiduals = (4 + 2) + 4;                      // plane, cuboid
+constexpr size_t kGroupPointResiduals = (3 + 2 + 4 + 1) + (2 + 4) + 3;  // plane, sphere, cuboid
+constexpr size_t kGroupLineResiduals = (4 + 2) + 4;                     // plane, cuboid
 constexpr size_t kVpResiduals = 2;
 // Segments of the line in images that do not see the point:
-// edge 1, point in {1 2 3}, segments in {1 1 2 4}: image 4. Edge 2, point in {3 4 5 1}, segments in {2 5}: image 2.
-// Edge 3, point in {2 4}, segments in {1 3 4}: images 1 and 3.
+// edge 1, point in {1 2 3}, segments in {1 1 2 4}: image 4. Edge 2, point in {3 4 5 1}, segments in
+// {2 5}: image 2. Edge 3, point in {2 4}, segments in {1 3 4}: images 1 and 3.
 constexpr size_t kWireframePointResiduals = 1 + 1 + 2;
 // Observations of the point in images without a segment of the line: {3}, {3 4 1}, {2}.
 constexpr size_t kWireframeLineResiduals = 1 + 3 + 1;
@@ -99,7 +105,8 @@ TEST(BuildProblem, CountsASecondSegmentOfAnImageInEveryTermOfTheLine) {
   ASSERT_EQ(scene.model().FindInconsistency(), std::nullopt);
   const auto terms = TermsByName(EvaluateModel(scene.model()));
   EXPECT_EQ(terms.at("line").residuals, kLineResiduals + 1);
-  EXPECT_EQ(terms.at("group_line").residuals, kGroupLineResiduals + 2) << "of the plane and the cuboid";
+  EXPECT_EQ(terms.at("group_line").residuals, kGroupLineResiduals + 2)
+      << "of the plane and the cuboid";
   EXPECT_EQ(terms.at("wireframe_point").residuals, kWireframePointResiduals + 1);
   EXPECT_EQ(terms.at("wireframe_line").residuals, kWireframeLineResiduals);
   EXPECT_EQ(terms.at("vp").residuals, kVpResiduals);
@@ -121,7 +128,8 @@ TEST(BuildProblem, OmitsIncidencesWhereBothAreObserved) {
 std::set<std::string> TermsOf(const BundleOptions& options) {
   const SmallScene scene;
   std::set<std::string> names;
-  for (const auto& batch : BuildProblem(scene.model(), options).problem.batches()) names.insert(batch->term());
+  const BundleProblem bundle = BuildProblem(scene.model(), options);
+  for (const auto& batch : bundle.problem.batches()) names.insert(batch->term());
   return names;
 }
 
@@ -132,21 +140,24 @@ TEST(Configurations, AddToTheOnesBefore) {
   options.config = BundleConfig::kPointLine;
   EXPECT_THAT(TermsOf(options), UnorderedElementsAre("point", "line"));
   options.config = BundleConfig::kGroups;
-  EXPECT_THAT(TermsOf(options), UnorderedElementsAre("point", "line", "group_point", "group_line", "vp", "relation"));
+  EXPECT_THAT(TermsOf(options),
+              UnorderedElementsAre("point", "line", "group_point", "group_line", "vp", "relation"));
   options.config = BundleConfig::kHolistic;
-  EXPECT_THAT(TermsOf(options), UnorderedElementsAre("point", "line", "group_point", "group_line", "vp", "relation",
-                                                     "wireframe_point", "wireframe_line"));
+  EXPECT_THAT(TermsOf(options),
+              UnorderedElementsAre("point", "line", "group_point", "group_line", "vp", "relation",
+                                   "wireframe_point", "wireframe_line"));
 }
 
 TEST(StructureForms, ReplaceTheirTermsOnly) {
   BundleOptions options;
   options.group_form = StructureForm::k3d;
-  EXPECT_THAT(TermsOf(options), UnorderedElementsAre("point", "line", "group_point_3d", "group_line_3d", "vp", "relation",
-                                                     "wireframe_point", "wireframe_line"));
+  EXPECT_THAT(TermsOf(options),
+              UnorderedElementsAre("point", "line", "group_point_3d", "group_line_3d", "vp",
+                                   "relation", "wireframe_point", "wireframe_line"));
   options = {};
   options.wireframe_form = StructureForm::k3d;
-  EXPECT_THAT(TermsOf(options), UnorderedElementsAre("point", "line", "group_point", "group_line", "vp", "relation",
-                                                     "wireframe_3d"));
+  EXPECT_THAT(TermsOf(options), UnorderedElementsAre("point", "line", "group_point", "group_line",
+                                                     "vp", "relation", "wireframe_3d"));
   const SmallScene scene;
   const auto terms = TermsByName(EvaluateTerms(BuildProblem(scene.model(), options).problem));
   EXPECT_EQ(terms.at("wireframe_3d").residuals, 3u) << "one for each edge";
@@ -162,7 +173,8 @@ TEST(StructureForms, OfTheWireframeIn3dKeepItsLines) {
     if (bundle.problem.block(block).role == BlockRole::kKept) kept.insert(id);
   }
   EXPECT_THAT(kept, UnorderedElementsAre(scene.lines[0], scene.lines[1], scene.lines[2]));
-  EXPECT_GT(AnalyseReducedSystem(bundle.problem).size, AnalyseReducedSystem(BuildProblem(scene.model(), {}).problem).size);
+  EXPECT_GT(AnalyseReducedSystem(bundle.problem).size,
+            AnalyseReducedSystem(BuildProblem(scene.model(), {}).problem).size);
 }
 
 // Free tangent coordinates by kind of block.
@@ -170,7 +182,8 @@ std::map<std::string, int> FreeByKind(const BundleProblem& bundle) {
   std::map<std::string, int> free;
   const Problem& problem = bundle.problem;
   for (const auto& [id, block] : bundle.poses) free["pose"] += problem.block(block).FreeTangent();
-  for (const auto& [id, block] : bundle.cameras) free["camera"] += problem.block(block).FreeTangent();
+  for (const auto& [id, block] : bundle.cameras)
+    free["camera"] += problem.block(block).FreeTangent();
   for (const auto& [id, block] : bundle.points) free["point"] += problem.block(block).FreeTangent();
   for (const auto& [id, block] : bundle.lines) free["line"] += problem.block(block).FreeTangent();
   for (const auto& [id, block] : bundle.groups) free["group"] += problem.block(block).FreeTangent();
@@ -185,7 +198,8 @@ TEST(Gauge, HoldsSevenCoordinatesOfPosesOrNone) {
   EXPECT_THAT(FreeByKind(BuildProblem(scene.model(), options)),
               UnorderedElementsAre(Pair("pose", 5 * 6 - 7), Pair("camera", 3 * 2),
                                    // The last point and the last line are seen by one image only.
-                                   Pair("point", 4 * 3), Pair("line", 3 * 4), Pair("group", kGroupTangents)));
+                                   Pair("point", 4 * 3), Pair("line", 3 * 4),
+                                   Pair("group", kGroupTangents)));
   options.gauge = Gauge::kFree;
   EXPECT_EQ(FreeByKind(BuildProblem(scene.model(), options)).at("pose"), 5 * 6);
 }
@@ -206,10 +220,12 @@ TEST(Gauge, HoldsTheTranslationThatGrowsWithTheSceneMost) {
     const Eigen::Vector3d centre = scaled.CameraCentre(1);
     scaled.Transform({2.0, Eigen::Quaterniond::Identity(), -centre});
     EXPECT_NEAR((scaled.frames.at(1).rig_from_world.rotation.normalized().conjugate() *
-                 scaled.frames.at(1).rig_from_world.translation).norm(), centre.norm(), 1e-9)
+                 scaled.frames.at(1).rig_from_world.translation)
+                    .norm(),
+                centre.norm(), 1e-9)
         << "the first camera stays";
-    const Eigen::Vector3d moved =
-        scaled.frames.at(frame_id).rig_from_world.translation - scene.model().frames.at(frame_id).rig_from_world.translation;
+    const Eigen::Vector3d moved = scaled.frames.at(frame_id).rig_from_world.translation -
+                                  scene.model().frames.at(frame_id).rig_from_world.translation;
     EXPECT_EQ(std::abs(moved[coordinate]), moved.cwiseAbs().maxCoeff());
     EXPECT_GT(std::abs(moved[coordinate]), 1.0);
   }
@@ -265,13 +281,15 @@ TEST(RefineOptions, ReleaseTheirIntrinsicsOnly) {
   EXPECT_EQ(held(true, true, true), 0u);
   EXPECT_EQ(held(false, false, false), 0xffu);
   const BundleOptions defaults;
-  EXPECT_TRUE(defaults.refine_focal_length && !defaults.refine_principal_point && defaults.refine_extra_params);
+  EXPECT_TRUE(defaults.refine_focal_length && !defaults.refine_principal_point &&
+              defaults.refine_extra_params);
 }
 
 TEST(RefineOptions, DoNotChangeTheCost) {
   // Observations of lines that follow the intrinsics start where the fixed ones are.
   SmallScene scene("OPENCV", {700, 720, 500, 480, -0.05, 0.01, 0.001, -0.0005});
-  for (auto& [id, point] : scene.maker.model.points3D) point.xyz += Eigen::Vector3d(0.02, -0.01, 0.015);
+  for (auto& [id, point] : scene.maker.model.points3D)
+    point.xyz += Eigen::Vector3d(0.02, -0.01, 0.015);
   for (auto& [id, line] : scene.maker.model.lines3D) {
     line.line = PlueckerLine::FromPoints(line.start + Eigen::Vector3d(0.01, 0.02, 0), line.end);
   }
@@ -305,12 +323,15 @@ TEST(TermSettings, ReachTheirTermsOnly) {
                                               {LossChoice::kCauchy, LossType::kCauchy}};
   for (const auto& [family, terms] : families) {
     for (const auto& [choice, type] : losses) {
-      BundleOptions options = PlainOptions(choice == LossChoice::kTrivial ? LossChoice::kHuber : LossChoice::kTrivial);
-      const LossType others = choice == LossChoice::kTrivial ? LossType::kHuber : LossType::kTrivial;
+      BundleOptions options =
+          PlainOptions(choice == LossChoice::kTrivial ? LossChoice::kHuber : LossChoice::kTrivial);
+      const LossType others =
+          choice == LossChoice::kTrivial ? LossType::kHuber : LossType::kTrivial;
       for (TermSettings& settings : options.terms) settings.weight = 1.0;
       options[family] = {choice, 0.125, 7.0};
       size_t reached = 0;
-      for (const auto& batch : BuildProblem(scene.model(), options, measurements).problem.batches()) {
+      const BundleProblem bundle = BuildProblem(scene.model(), options, measurements);
+      for (const auto& batch : bundle.problem.batches()) {
         const bool named = terms.contains(batch->term());
         reached += named;
         EXPECT_EQ(batch->loss.type, named ? type : others) << batch->term();
@@ -329,7 +350,8 @@ TEST(TermSettings, AreThePapersByDefault) {
   EXPECT_EQ(options[TermFamily::kLine].loss, LossChoice::kAuto);
   EXPECT_EQ(options[TermFamily::kPoint].weight, 1.0);
   EXPECT_EQ(options[TermFamily::kLine].weight, 1.0);
-  for (TermFamily family : {TermFamily::kGroup, TermFamily::kVp, TermFamily::kWireframe, TermFamily::kRelation}) {
+  for (TermFamily family :
+       {TermFamily::kGroup, TermFamily::kVp, TermFamily::kWireframe, TermFamily::kRelation}) {
     EXPECT_EQ(options[family].loss, LossChoice::kCauchy);
   }
   EXPECT_EQ(options[TermFamily::kGroup].weight, 0.5);
@@ -347,7 +369,8 @@ TEST(AngularTerms, AreThoseWithoutPixels) {
   const SmallScene scene;
   const std::vector<GroupMeasurement> measurements{{1, scene.vp, {1, 0, 0}, 2.0}};
   std::set<std::string> angular;
-  for (const auto& batch : BuildProblem(scene.model(), {}, measurements).problem.batches()) {
+  const BundleProblem bundle = BuildProblem(scene.model(), {}, measurements);
+  for (const auto& batch : bundle.problem.batches()) {
     if (batch->angular) angular.insert(batch->term());
   }
   EXPECT_THAT(angular, UnorderedElementsAre("vp", "relation", "group_measurement"));
@@ -356,10 +379,11 @@ TEST(AngularTerms, AreThoseWithoutPixels) {
 TEST(AssociationFilter, LeavesOutWhatItHoldsAndNothingElse) {
   const SmallScene scene;
   AssociationFilter filter;
-  filter.points = {{scene.plane, scene.points[0]}};       // 3 observations
-  filter.lines = {{scene.cuboid, scene.lines[0]}};        // 4 segments
-  filter.edges = {{scene.points[3], scene.lines[2]}};     // 2 and 1
-  const BundleProblem all = BuildProblem(scene.model(), {}), some = BuildProblem(scene.model(), {}, {}, &filter);
+  filter.points = {{scene.plane, scene.points[0]}};    // 3 observations
+  filter.lines = {{scene.cuboid, scene.lines[0]}};     // 4 segments
+  filter.edges = {{scene.points[3], scene.lines[2]}};  // 2 and 1
+  const BundleProblem all = BuildProblem(scene.model(), {}),
+                      some = BuildProblem(scene.model(), {}, {}, &filter);
   const auto terms = TermsByName(EvaluateTerms(some.problem));
   EXPECT_EQ(terms.at("group_point").residuals, kGroupPointResiduals - 3);
   EXPECT_EQ(terms.at("group_line").residuals, kGroupLineResiduals - 4);
@@ -372,7 +396,8 @@ TEST(AssociationFilter, LeavesOutWhatItHoldsAndNothingElse) {
 
   filter = {};
   filter.groups = {scene.vp};
-  const auto without_vp = TermsByName(EvaluateTerms(BuildProblem(scene.model(), {}, {}, &filter).problem));
+  const auto without_vp =
+      TermsByName(EvaluateTerms(BuildProblem(scene.model(), {}, {}, &filter).problem));
   EXPECT_FALSE(without_vp.contains("vp"));
   EXPECT_FALSE(without_vp.contains("relation"));
   EXPECT_EQ(without_vp.at("group_point").residuals, kGroupPointResiduals);
@@ -397,17 +422,24 @@ TEST(WriteBack, OfAnUnsolvedProblemChangesNothingButRounding) {
   WriteBack(BuildProblem(before, options), &scene.maker.model);
   const Reconstruction& after = scene.model();
   for (const auto& [id, point] : before.points3D) EXPECT_EQ(after.points3D.at(id).xyz, point.xyz);
-  for (const auto& [id, camera] : before.cameras) EXPECT_EQ(after.cameras.at(id).params, camera.params);
+  for (const auto& [id, camera] : before.cameras)
+    EXPECT_EQ(after.cameras.at(id).params, camera.params);
   for (const auto& [id, image] : before.images) {
-    EXPECT_LT((after.images.at(id).cam_from_world.RotationMatrix() - image.cam_from_world.RotationMatrix()).norm(), 1e-15);
+    EXPECT_LT((after.images.at(id).cam_from_world.RotationMatrix() -
+               image.cam_from_world.RotationMatrix())
+                  .norm(),
+              1e-15);
   }
   for (const auto& [id, line] : before.lines3D) {
     const Line3D& other = after.lines3D.at(id);
-    EXPECT_LT((other.line.direction - line.line.direction).norm() + (other.line.moment - line.line.moment).norm(), 1e-14);
+    EXPECT_LT((other.line.direction - line.line.direction).norm() +
+                  (other.line.moment - line.line.moment).norm(),
+              1e-14);
     EXPECT_LT((other.start - line.start).norm() + (other.end - line.end).norm(), 1e-14);
   }
   for (const auto& [id, group] : before.groups3D) {
-    for (size_t k = 0; k < group.params.size(); ++k) EXPECT_NEAR(after.groups3D.at(id).params[k], group.params[k], 1e-14);
+    for (size_t k = 0; k < group.params.size(); ++k)
+      EXPECT_NEAR(after.groups3D.at(id).params[k], group.params[k], 1e-14);
   }
 }
 

@@ -20,6 +20,8 @@ using BoxManifold = Product<UnitQuaternion, Euclidean<6>>;
 
 // Lines nearer to parallel with an edge than this bound the box (cosine, 8 degrees).
 constexpr double kEdgeCosine = 0.99;
+// Nearer than this they count as parallel with it (sine, 2 degrees).
+constexpr double kParallelSine = 0.035;
 
 // Features with centre 0 and root mean square distance 1 from it.
 struct Features {
@@ -81,15 +83,19 @@ std::pair<int, double> NearestFace(const Eigen::Vector3d& local, const Offsets& 
   return nearest;
 }
 
-// Of a line: the face with the least squares of distance and slope, and both. A line of an edge is
-// as near to a face across it as to those along it.
+// A line's residuals: distance and slope to the face where their squares are least, and its slope
+// across the edge that it follows. Without the last, the twelve edges of a box fit every box turned
+// about them.
 struct LineFace {
   int face;
   double distance, slope;
+  int edge_face;      // of the faces beside the edge; -1: the line follows no edge
+  double edge_slope;  // kParallelSine where it follows none, a constant
+  double Cost() const { return distance * distance + slope * slope + edge_slope * edge_slope; }
 };
 LineFace NearestFaceOfLine(const Eigen::Vector3d& local, const Eigen::Vector3d& local_direction,
                            const Offsets& offsets) {
-  LineFace nearest{0, 0.0, 0.0};
+  LineFace nearest{0, 0.0, 0.0, -1, kParallelSine};
   double least = std::numeric_limits<double>::infinity();
   for (int face = 0; face < 6; ++face) {
     const double sign = face % 2 == 0 ? 1.0 : -1.0;
@@ -98,7 +104,16 @@ LineFace NearestFaceOfLine(const Eigen::Vector3d& local, const Eigen::Vector3d& 
     const double cost = distance * distance + slope * slope;
     if (cost < least) {
       least = cost;
-      nearest = {face, distance, slope};
+      nearest.face = face;
+      nearest.distance = distance;
+      nearest.slope = slope;
+    }
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    if (axis == nearest.face / 2) continue;
+    if (std::abs(local_direction[axis]) < std::abs(nearest.edge_slope)) {
+      nearest.edge_face = 2 * axis;
+      nearest.edge_slope = local_direction[axis];
     }
   }
   return nearest;
@@ -116,7 +131,7 @@ double BoundingCost(const Features& features, const Eigen::Matrix3d& R) {
   for (size_t i = 0; i < features.line_points.size(); ++i) {
     const LineFace f = NearestFaceOfLine(R.transpose() * features.line_points[i],
                                          R.transpose() * features.line_directions[i], *offsets);
-    cost += f.distance * f.distance + f.slope * f.slope;
+    cost += f.Cost();
   }
   return cost;
 }
@@ -273,10 +288,11 @@ void EndOpenFaces(const Features& features, double* g) {
 }
 
 // Least squares over rotation and offsets; every evaluation assigns the features anew.
-std::optional<double> Refine(const Features& features, double* g) {
+std::optional<double> Refine(const Features& features, bool follow_edges, int max_iterations,
+                             double* g) {
   using Square = Eigen::Matrix<double, 9, 9>;
   using Tangent = Eigen::Matrix<double, 9, 1>;
-  const auto accumulate = [&features](const double* at, Square* H, Tangent* b) {
+  const auto accumulate = [&features, follow_edges](const double* at, Square* H, Tangent* b) {
     const Eigen::Matrix3d R = Eigen::Quaterniond(at[3], at[0], at[1], at[2]).toRotationMatrix();
     const Eigen::Map<const Offsets> offsets(at + 4);
     H->setZero();
@@ -302,10 +318,16 @@ std::optional<double> Refine(const Features& features, double* g) {
       const LineFace f = NearestFaceOfLine(R.transpose() * X, R.transpose() * d, offsets);
       add(f.face, X, true, f.distance);
       add(f.face, d, false, f.slope);
+      if (!follow_edges) continue;
+      if (f.edge_face >= 0) {
+        add(f.edge_face, d, false, f.edge_slope);
+      } else {
+        *cost += f.edge_slope * f.edge_slope;
+      }
     }
     return cost;
   };
-  return MinimizeSquares<BoxManifold>(accumulate, /*max_iterations=*/60, g);
+  return MinimizeSquares<BoxManifold>(accumulate, max_iterations, g);
 }
 
 }  // namespace
@@ -339,7 +361,7 @@ std::optional<Box> FitBox(std::span<const Eigen::Vector3d> points,
     if (!offsets) continue;
     Eigen::Matrix<double, 10, 1> g;
     g << Eigen::Quaterniond(R).normalized().coeffs(), *offsets;
-    const std::optional<double> cost = Refine(features, g.data());
+    const std::optional<double> cost = Refine(features, /*follow_edges=*/true, 60, g.data());
     if (!cost || !(*cost < best_cost)) continue;
     // Thinner than this it is a plate whose faces cannot be told apart.
     if (!(std::max({g[4] + g[5], g[6] + g[7], g[8] + g[9]}) < -1e-6)) continue;
@@ -347,6 +369,12 @@ std::optional<Box> FitBox(std::span<const Eigen::Vector3d> points,
     best_cost = *cost;
   }
   if (!std::isfinite(best_cost)) return std::nullopt;
+  if (!lines.empty()) {
+    // Lines a little off an edge are not of it where the faces alone fit far better without that.
+    Eigen::Matrix<double, 10, 1> free = best;
+    const double cost = *Refine(features, /*follow_edges=*/false, 0, best.data());
+    if (*Refine(features, /*follow_edges=*/false, 60, free.data()) < 0.25 * cost) best = free;
+  }
   EndOpenFaces(features, best.data());
   Box box;
   box.rotation = Eigen::Quaterniond(best[3], best[0], best[1], best[2]);

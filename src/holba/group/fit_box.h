@@ -25,8 +25,8 @@ inline constexpr int kMinBoxPoints = 9, kMinBoxLines = 5;
 // as that leave several boxes, of which one is returned; a box is certain where three orthogonal
 // faces show, of which one has 4 points (or two lines), another 3, the third 2, among some 20
 // features. Features bound the box: a face that has none ends where the points, and the lines
-// parallel to an edge, end. Lines count as infinite, lying in the face that is nearest to their
-// point nearest to the centre. Empty: no box.
+// parallel to an edge, end. Lines count as infinite, and within 2 degrees of an edge as parallel to
+// it, unless the features contradict. Empty: no box.
 std::optional<Box> FitBox(std::span<const Eigen::Vector3d> points,
                           std::span<const PlueckerLine> lines);
 

@@ -337,8 +337,8 @@ void ReadPointRecords(In& in, Reconstruction* model) {
 }
 
 void CheckNameFitsText(image_t image_id, const std::string& name) {
-  const auto is_blank = [](char c) { return c == ' ' || c == '\t'; };
-  if (!name.empty() && name.find_first_of("\n\r") == std::string::npos && !is_blank(name.front()) &&
+  const auto is_blank = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
+  if (!name.empty() && name.find('\n') == std::string::npos && !is_blank(name.front()) &&
       !is_blank(name.back())) {
     return;
   }

@@ -147,6 +147,14 @@ TEST(ColmapFiles, WithFramesTheImageFilesPoseIsIgnoredUnlessItAgrees) {
   EXPECT_EQ(ReadFiles(files, ModelFormat::kText).images.at(2).cam_from_world.rotation.w(), -1.0);
 }
 
+// Found by fuzzing: the reader took it, the writer refused it.
+TEST(ColmapFiles, ANameMayHoldACarriageReturn) {
+  Reconstruction model = ReadFiles(SmallModelText(), ModelFormat::kText);
+  model.images.at(2).name = "a\rb.jpg";
+  const Files text = WriteFiles(model, ModelFormat::kText);
+  EXPECT_EQ(ReadFiles(text, ModelFormat::kText).images.at(2).name, "a\rb.jpg");
+}
+
 TEST(ColmapFiles, NamesThatTextCannotHoldAreRefusedThereOnly) {
   for (const std::string name : {" a.jpg", "a.jpg ", "a\nb.jpg", "a\r"}) {
     Reconstruction model = ReadFiles(SmallModelText(), ModelFormat::kText);

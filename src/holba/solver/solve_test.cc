@@ -468,7 +468,7 @@ struct BrokenKernel {
 };
 
 TEST(StopReason, IsNoStepWhereNoneCanBeComputedAndTheBestStateIsKept) {
-  for (const double broken_below : {10.0, 2.0}) {  // at once, and after some steps
+  for (const double broken_below : {10.0, 1.0}) {  // at once, and after some steps
     Problem problem;
     const double x = 3.0;
     const BlockId block = problem.AddBlock("x", EuclideanOps(1), BlockRole::kKept, {&x, 1});

@@ -285,8 +285,11 @@ void BundleProblemOptions::Describe(OptionTable* table) {
                 {{"sphere", SceneLayout::kSphere}, {"corridor", SceneLayout::kCorridor}},
                 "Cameras on a sphere around a cube, or in a row along a corridor.");
   table->Choice("visibility", &visibility,
-                {{"random", Visibility::kRandom}, {"near", Visibility::kNear}},
-                "Whether any 4 to 8 cameras see a feature, or ones next to each other.");
+                {{"random", Visibility::kRandom},
+                 {"near", Visibility::kNear},
+                 {"cluster", Visibility::kCluster}},
+                "Which 4 to 8 cameras see a feature: any; ones next to each other along their "
+                "walk; the nearest in space.");
   table->Field("observation_noise_px", &observation_noise_px, AtLeast(0),
                "Standard deviation of point and line end observations, per coordinate.");
   table->Field("rotation_noise_deg", &rotation_noise_deg, AtLeast(0),

@@ -18,12 +18,14 @@
 
 namespace holba {
 
-// kSphere: Fibonacci sphere of radius 10 around a cube of half-extent 3, looking inward. Every
-// camera sees the whole cube. kCorridor: a row of cameras 0.5 apart looking along a corridor 4 wide
-// and 3 high.
+// kSphere: a spiral from pole to pole on a sphere of radius 10 around a cube of half-extent 3,
+// looking inward. Every camera sees the whole cube. kCorridor: a row of cameras 0.5 apart looking
+// along a corridor 4 wide and 3 high.
 enum class SceneLayout { kSphere, kCorridor };
-// Which cameras see a feature: any that can (kRandom), or ones next to each other (kNear).
-enum class Visibility { kRandom, kNear };
+// Which cameras see a feature: any that can (kRandom); ones next to each other along the cameras'
+// walk (kNear), as in a video or an orbit, the weakest geometry; the nearest ones in space
+// (kCluster).
+enum class Visibility { kRandom, kNear, kCluster };
 // What a wrong association points to: any feature, or the nearest one that does not belong.
 enum class WrongAssociations { kRandom, kNearest };
 

@@ -341,6 +341,7 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"paper", {}}, Case{"smallest", {.num_images = 20}},
         Case{"not_a_multiple_of_5", {.seed = 4, .num_images = 53}},
         Case{"near", {.visibility = Visibility::kNear}},
+        Case{"cluster", {.visibility = Visibility::kCluster}},
         Case{"corridor", {.num_images = 50, .layout = SceneLayout::kCorridor, .vps = true}},
         Case{"corridor_near",
              {.num_images = 60, .layout = SceneLayout::kCorridor, .visibility = Visibility::kNear}},
@@ -403,7 +404,8 @@ double MeanSharedViews(const Reconstruction& model) {
 }
 
 TEST(BundleProblem, LetsTheLinesOfAPlaneShareHalfOfTheirViews) {
-  for (const Visibility visibility : {Visibility::kRandom, Visibility::kNear}) {
+  for (const Visibility visibility :
+       {Visibility::kRandom, Visibility::kNear, Visibility::kCluster}) {
     for (const SceneLayout layout : {SceneLayout::kSphere, SceneLayout::kCorridor}) {
       const auto truth =
           MakeBundleProblem({.num_images = 200, .layout = layout, .visibility = visibility}).truth;
@@ -429,10 +431,30 @@ double MeanSpreadDeg(const Reconstruction& model) {
   return sum / static_cast<double>(model.points3D.size());
 }
 
-TEST(BundleProblem, IsSeenFromAllSidesAtRandomAndByNeighboursNear) {
+TEST(BundleProblem, IsSeenFromAllSidesAtRandomAndFromOneSideInClusters) {
   EXPECT_GT(MeanSpreadDeg(MakeBundleProblem({}).truth), 130);
   // 6 neighbouring cameras of 100 fill a cap of about 28 degrees about its centre.
-  EXPECT_LT(MeanSpreadDeg(MakeBundleProblem({.visibility = Visibility::kNear}).truth), 60);
+  EXPECT_LT(MeanSpreadDeg(MakeBundleProblem({.visibility = Visibility::kCluster}).truth), 60);
+}
+
+TEST(BundleProblem, IsSeenByImagesNextToEachOtherIfNear) {
+  const Reconstruction truth = MakeBundleProblem({.visibility = Visibility::kNear}).truth;
+  for (const auto& [id, point] : truth.points3D) {
+    const auto [first, last] =
+        std::minmax_element(point.track.begin(), point.track.end(),
+                            [](const auto& a, const auto& b) { return a.image_id < b.image_id; });
+    EXPECT_EQ(last->image_id - first->image_id + 1, point.track.size()) << "point " << id;
+  }
+}
+
+TEST(BundleProblem, PlacesImagesOfTheWalkNextToEachOther) {
+  const Reconstruction truth = MakeBundleProblem({}).truth;
+  double longest = 0.0;
+  for (image_t id = 1; id < 100; ++id) {
+    longest = std::max(longest, (truth.CameraCentre(id + 1) - truth.CameraCentre(id)).norm());
+  }
+  // Even spacing of 100 cameras on a sphere of radius 10 is 3.5; jitter and the poles add to it.
+  EXPECT_LT(longest, 7.0);
 }
 
 // Part of the wireframe edges whose point and line have an image in common.

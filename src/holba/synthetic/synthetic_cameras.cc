@@ -109,14 +109,17 @@ SyntheticCameras MakeCamerasOnSphere(int num_images, int rig_size, const Camera&
   HOLBA_CHECK(rig_size > 0 && num_images % rig_size == 0);
   const int num_frames = num_images / rig_size;
   const double spacing = std::sqrt(4.0 * std::numbers::pi / num_frames);
-  const double golden_angle = std::numbers::pi * (3.0 - std::sqrt(5.0));
   // The targets stay so near the centre that the cube's corners, at most 33 degrees off the axis,
   // remain inside the image, whose sides are at 35.5 degrees.
   constexpr double kTargetJitter = 0.1;
   std::vector<Rigid3d> frames;
+  double longitude = 0.0;
   for (int i = 0; i < num_frames; ++i) {
     const double z = 1.0 - (2.0 * i + 1.0) / num_frames;
-    const double ring = std::sqrt(1.0 - z * z), longitude = golden_angle * i;
+    const double ring = std::sqrt(1.0 - z * z);
+    // Generalised spiral (Saff and Kuijlaars 1997): steps along it are as long as the distance
+    // between its turns.
+    if (i > 0) longitude += std::min(0.5 * std::numbers::pi, 3.6 / (ring * std::sqrt(num_frames)));
     const Eigen::Vector3d on_sphere(ring * std::cos(longitude), ring * std::sin(longitude), z);
     const double jitter = 0.2 * spacing;
     const double du = random->Uniform(-jitter, jitter), dv = random->Uniform(-jitter, jitter);

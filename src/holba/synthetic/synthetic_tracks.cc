@@ -17,19 +17,33 @@ constexpr size_t kNearPool = 18;
 
 using Pool = std::span<const uint32_t>;
 
+// For each image those before and after it, itself first, then by distance along the sequence.
+std::vector<std::vector<uint32_t>> NearestInSequence(size_t num_images, size_t count) {
+  std::vector<std::vector<uint32_t>> nearest(num_images);
+  for (size_t i = 0; i < num_images; ++i) {
+    for (size_t step = 0; step < num_images && nearest[i].size() < count; ++step) {
+      if (i + step < num_images) nearest[i].push_back(static_cast<uint32_t>(i + step));
+      if (step > 0 && step <= i && nearest[i].size() < count)
+        nearest[i].push_back(static_cast<uint32_t>(i - step));
+    }
+  }
+  return nearest;
+}
+
 class TrackMaker {
  public:
   TrackMaker(const SyntheticCameras& cameras, SceneLayout layout, Visibility visibility,
              Random* random)
       : cameras_(cameras),
         layout_(layout),
-        is_near_(visibility == Visibility::kNear),
+        is_near_(visibility != Visibility::kRandom),
         random_(*random) {
     all_.resize(cameras.cam_from_world.size());
     std::iota(all_.begin(), all_.end(), 0);
-    if (is_near_ && layout == SceneLayout::kSphere) {
+    if (layout != SceneLayout::kSphere) return;
+    if (visibility == Visibility::kCluster)
       nearest_ = NearestCameras(cameras.cam_from_world, kNearPool);
-    }
+    if (visibility == Visibility::kNear) nearest_ = NearestInSequence(all_.size(), kNearPool);
   }
 
   // Near images are nearest to one of `beside`; if this is empty, to any.

@@ -160,6 +160,7 @@ class IterationWatch final : public ceres::IterationCallback {
     record.trust_radius = it.trust_region_radius;
     record.seconds = it.iteration_time_in_seconds;
     record.terms = TermsFromMemory(problem_, memories_);
+    if (record.accepted) best_state_ = problem_.state();
     if (it.iteration > 0) {
       summary_->iteration_seconds.push_back(record.seconds);
       summary_->accepted_steps += record.accepted;
@@ -183,11 +184,15 @@ class IterationWatch final : public ceres::IterationCallback {
     return ceres::SOLVER_CONTINUE;
   }
 
+  // The last accepted one: Ceres itself goes back to the start when it fails.
+  const std::vector<double>& best_state() const { return best_state_; }
+
  private:
   const SolverOptions& options_;
   const Problem& problem_;
   const std::vector<ResidualMemory>& memories_;
   SolverSummary* summary_;
+  std::vector<double> best_state_;
   double watched_ = 0.0;
 };
 
@@ -236,7 +241,7 @@ ceres::Solver::Options ToCeres(const SolverOptions& options, const CeresProblem&
   ceres_options.parameter_tolerance = options.parameter_tolerance;
   ceres_options.initial_trust_region_radius = options.initial_trust_radius;
   ceres_options.max_num_consecutive_invalid_steps = 10;
-  ceres_options.update_state_every_iteration = true;  // else a failure would lose the best state
+  ceres_options.update_state_every_iteration = true;  // for IterationWatch::best_state
   ceres_options.logging_type = ceres::SILENT;
   return ceres_options;
 }
@@ -295,6 +300,9 @@ SolverSummary SolveWithCeres(const SolverOptions& options, Problem* problem) {
       ceres_summary.termination_type != ceres::USER_FAILURE) {
     summary.stop_reason = ReasonOf(ceres_summary, options);
     summary.message = ceres_summary.message;
+  }
+  if (!ceres_summary.IsSolutionUsable() && !watch.best_state().empty()) {
+    problem->state() = watch.best_state();
   }
   Remember(*problem, &ceres_problem.memories);
   summary.final_terms = TermsFromMemory(*problem, ceres_problem.memories);
