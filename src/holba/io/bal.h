@@ -7,8 +7,8 @@
 // There, P = R X + t looks along -z and pixels count from the principal point, x right, y up:
 //   p = -P / P.z, pixel = f (1 + k1 |p|^2 + k2 |p|^4) p.
 // With y and z of the camera turned round (diag(1, -1, -1) P) and y of the pixels negated this is
-// the RADIAL camera model with principal point (0, 0), but that points behind the camera have pixels too
-// (camera/snavely.h).
+// the RADIAL camera model with principal point (0, 0), but that points behind the camera have
+// pixels too (camera/snavely.h).
 #pragma once
 
 #include <filesystem>
