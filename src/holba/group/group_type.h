@@ -1,45 +1,46 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The contract of a group type and the list of them (names, codes and file parameters: FORMAT.md).
 //
-// A type is one header with a struct, and one line in the list of group_types.h:
+// A type is one header with a struct, and one line in the list of group_types.h (Vector3d and the
+// like are Eigen's):
+// clang-format off
 //   static constexpr std::string_view kName;        // as in files: "SPHERE"
 //   static constexpr int kTypeCode;                 // as in binary files
 //   static constexpr std::string_view kFileParams;  // plain values of the file: "cx cy cz r"
 //   static constexpr int kNumFileParams;
-//   using Manifold = ...;                           // of the parameters in memory,
-//   geometry/manifold.h using Params = Eigen::Matrix<double, Manifold::kAmbient, 1>;   // positive
-//   quantities as logarithms static std::optional<Params> FromFile(const double* plain);    //
-//   empty: not a valid group static void ToFile(const double* g, double* plain); static
-//   std::string_view Requirement();          // "unit n, n.x + w = 0", for error messages
+//   using Manifold = ...;                           // of the parameters in memory
+//   // In memory; positive quantities as logarithms.
+//   using Params = Matrix<double, Manifold::kAmbient, 1>;
+//   static std::optional<Params> FromFile(const double* plain);    // empty: not a valid group
+//   static void ToFile(const double* g, double* plain);
+//   static std::string_view Requirement();          // "unit n, n.x + w = 0", for error messages
 // At least one of these two; a type takes the features that it can project (or, for the vanishing
 // point, align):
 //   template <typename T>  // point of the surface for X; empty where it is undefined
 //   static std::optional<Vector3<T>> ProjectPoint(const T* g, const Vector3<T>& X);
 //   template <typename T>  // (d, m) of the projected line, any scale; empty where undefined
-//   static std::optional<std::pair<Vector3<T>, Vector3<T>>> ProjectLine(const T* g, const
-//   Vector3<T>& d, const Vector3<T>& m);
-// with derivatives written by hand, row-major, d_group with respect to the kAmbient parameters in
-// memory:
-//   static std::optional<Eigen::Vector3d> ProjectPointWithJacobian(const double* g, const
-//   Eigen::Vector3d& X,
-//                                                                  double* d_point /*3x3*/, double*
-//                                                                  d_group /*3xA*/);
-//   static std::optional<Vector6d> ProjectLineWithJacobian(const double* g, const Eigen::Vector3d&
-//   d, const Eigen::Vector3d& m,
-//                                                          double* d_line /*6x6*/, double* d_group
-//                                                          /*6xA*/);
-// Optional: Direction (makes it eligible for relations; members lines of a type with Direction but
+//   static std::optional<std::pair<Vector3<T>, Vector3<T>>> ProjectLine(
+//       const T* g, const Vector3<T>& d, const Vector3<T>& m);
+// with derivatives, row-major, d_group with respect to the kAmbient parameters in memory (right in
+// tangent directions; dual numbers stand in for a type without these two):
+//   static std::optional<Vector3d> ProjectPointWithJacobian(
+//       const double* g, const Vector3d& X, double* d_point /*3x3*/, double* d_group /*3xA*/);
+//   static std::optional<Vector6d> ProjectLineWithJacobian(
+//       const double* g, const Vector3d& d, const Vector3d& m, double* d_line /*6x6*/,
+//       double* d_group /*6xA*/);
+// Optional: Direction (makes it eligible for relations; member lines of a type with Direction but
 // no ProjectLine are parallel to it, residual d x v):
 //   template <typename T> static Vector3<T> Direction(const T* g);    // unit
 // Always:
-//   static std::optional<Params> FitMinimal(std::span<const Eigen::Vector3d> points,
-//   std::span<const PlueckerLine> lines); static constexpr int kMinPoints, kMinLines;     // sizes
-//   of a minimal sample of either kind, 0: not from this kind static Params Transform(const Sim3d&
-//   new_from_old, const double* g); static std::vector<Params> Examples();          // for the
-//   contract tests
-//   // Triangles of its extent near the member points, for viewers (vertices, 3 indices per
-//   triangle). static GroupMesh Mesh(const double* g, std::span<const Eigen::Vector3d>
-//   member_points);
+//   static std::optional<Params> FitMinimal(std::span<const Vector3d> points,
+//                                           std::span<const PlueckerLine> lines);
+//   // Sizes of a minimal sample of either kind, 0: not from this kind.
+//   static constexpr int kMinPoints, kMinLines;
+//   static Params Transform(const Sim3d& new_from_old, const double* g);
+//   static std::vector<Params> Examples();          // for the contract tests
+//   // Triangles of its extent near the member points, for viewers.
+//   static GroupMesh Mesh(const double* g, std::span<const Vector3d> member_points);
+// clang-format on
 // Capabilities are detected by the function being there, never by flags.
 #pragma once
 
