@@ -107,7 +107,10 @@ function(holba_install_package)
   install(TARGETS holba_holba ${targets} EXPORT holbaTargets
           ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/holba DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-          FILES_MATCHING PATTERN "*.h" PATTERN fuzz EXCLUDE)
+          FILES_MATCHING PATTERN "*.h" PATTERN fuzz EXCLUDE
+          # Helpers of tests stay here.
+          PATTERN "*_testing.h" EXCLUDE PATTERN test_scenes.h EXCLUDE
+          PATTERN random_model.h EXCLUDE PATTERN camera_examples.h EXCLUDE)
   install(EXPORT holbaTargets NAMESPACE holba:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba)
   configure_package_config_file(
     ${PROJECT_SOURCE_DIR}/cmake/holbaConfig.cmake.in ${CMAKE_BINARY_DIR}/holbaConfig.cmake

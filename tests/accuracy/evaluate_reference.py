@@ -239,7 +239,7 @@ def project_on_group(kind: str, p: np.ndarray, X: np.ndarray):
         height = v @ d
         across = v - height * d
         if not across.any():
-            return None
+            return apex if height <= 0 else None  # on the axis inside, every generatrix is as near
         generatrix = np.cos(alpha) * d + np.sin(alpha) * unit(across)
         s = v @ generatrix
         return apex + max(s, 0.0) * generatrix

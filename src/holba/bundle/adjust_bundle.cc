@@ -176,21 +176,28 @@ class Adjuster {
     if (HasAssociations()) filter = Gate();
     BundleProblem bundle = BuildProblem(model_, options_, measurements_, &filter);
     Anneal(&bundle.problem);
-    if (!stopped_) Solve(solver_options_, &bundle.problem);
+    if (stopped_) {
+      SetTerms(bundle.problem, &summary_.solver.final_terms, &summary_.solver.final_cost);
+    } else {
+      Solve(solver_options_, &bundle.problem);
+    }
     WriteBack(bundle, &model_);
 
     summary_.auto_scales_px = scales_.scales();
     summary_.auto_sigmas_px = scales_.sigmas();
     // Costs before, with the losses and associations of the end.
     bundle.problem.state() = start;
-    summary_.solver.initial_terms = EvaluateTerms(bundle.problem);
-    summary_.solver.initial_cost = 0.0;
-    for (const TermCost& term : summary_.solver.initial_terms)
-      summary_.solver.initial_cost += term.cost;
+    SetTerms(bundle.problem, &summary_.solver.initial_terms, &summary_.solver.initial_cost);
     return std::move(summary_);
   }
 
  private:
+  static void SetTerms(const Problem& problem, std::vector<TermCost>* terms, double* cost) {
+    *terms = EvaluateTerms(problem);
+    *cost = 0.0;
+    for (const TermCost& term : *terms) *cost += term.cost;
+  }
+
   bool HasAssociations() const {
     return options_.gate && options_.config >= BundleConfig::kGroups &&
            (!model_.groups3D.empty() || !model_.wireframe.empty());

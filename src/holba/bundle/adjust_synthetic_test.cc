@@ -92,8 +92,8 @@ TEST(Intrinsics, OfADistortedRigAreFoundAgain) {
   for (const auto& [id, camera] : model.cameras) {
     const std::vector<double>& truth = scene.truth.cameras.at(id).params;
     for (int k : {2, 3}) EXPECT_EQ(camera.params[k], truth[k]) << "principal points are held";
-    // Rays over the seen part of the image (22 degrees around the axis) meet the same pixels; at the start they missed
-    // them by 3.
+    // Rays over the seen part of the image (22 degrees around the axis) meet the same pixels; at
+    // the start they missed them by 3.
     for (double angle = 0.0; angle < 6.28; angle += 0.3) {
       for (const double radius : {0.1, 0.2, 0.3, 0.4}) {
         Eigen::Vector2d found, expected;
@@ -313,6 +313,36 @@ TEST(Losses, AutoMeasureTheNoiseThatWasPutIn) {
                 0.05 * noise_px);
     EXPECT_TRUE(summary.auto_sigmas_px.contains("line"));
   }
+}
+
+TEST(Losses, AutoFollowTheirOptions) {
+  const auto scale_of = [](double num_sigmas, double min_scale_px) {
+    Reconstruction model = PlaneScene().perturbed;
+    BundleOptions options;
+    options.config = BundleConfig::kPointLine;
+    options.refit_others = false;
+    options.auto_num_sigmas = num_sigmas;
+    options.auto_min_scale_px = min_scale_px;
+    const BundleSummary summary = AdjustBundle(options, {}, &model);
+    return std::pair(summary.auto_scales_px.at("point"), summary.auto_sigmas_px.at("point"));
+  };
+  const auto [scale, sigma] = scale_of(4.0, 0.05);
+  EXPECT_NEAR(scale, 4.0 * sigma, 0.1 * sigma);
+  EXPECT_GT(scale, 1.5 * scale_of(2.0, 0.05).first);
+  EXPECT_EQ(scale_of(2.0, 20.0).first, 20.0);
+}
+
+TEST(Losses, AutoCanBeAskedForByEveryTermOfPixels) {
+  Reconstruction model = PlaneScene().perturbed;
+  BundleOptions options;
+  options[TermFamily::kGroup].loss = options[TermFamily::kWireframe].loss = LossChoice::kAuto;
+  const BundleSummary summary = AdjustBundle(options, {}, &model);
+  for (const char* term :
+       {"point", "line", "group_point", "group_line", "wireframe_point", "wireframe_line"}) {
+    ASSERT_TRUE(summary.auto_scales_px.contains(term)) << term;
+    EXPECT_GE(summary.auto_scales_px.at(term), options.auto_min_scale_px);
+  }
+  EXPECT_FALSE(summary.auto_scales_px.contains("vp"));
 }
 
 TEST(Measurements, OfAVanishingPointDetermineItWhereNothingElseDoes) {

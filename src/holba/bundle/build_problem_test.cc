@@ -163,6 +163,23 @@ TEST(StructureForms, ReplaceTheirTermsOnly) {
   EXPECT_EQ(terms.at("wireframe_3d").residuals, 3u) << "one for each edge";
 }
 
+TEST(StructureForms, In3dHaveTheirOwnWeightsAndNoLoss) {
+  BundleOptions options;
+  options.group_form = options.wireframe_form = StructureForm::k3d;
+  options.group_3d_weight = 11.0;
+  options.wireframe_3d_weight = 13.0;
+  const SmallScene scene;
+  const BundleProblem bundle = BuildProblem(scene.model(), options);
+  size_t reached = 0;
+  for (const auto& batch : bundle.problem.batches()) {
+    if (!batch->term().ends_with("_3d")) continue;
+    ++reached;
+    EXPECT_EQ(batch->weight, batch->term() == "wireframe_3d" ? 13.0 : 11.0) << batch->term();
+    EXPECT_EQ(batch->loss.type, LossType::kTrivial) << batch->term();
+  }
+  EXPECT_GE(reached, 3u);
+}
+
 TEST(StructureForms, OfTheWireframeIn3dKeepItsLines) {
   BundleOptions options;
   options.wireframe_form = StructureForm::k3d;

@@ -14,20 +14,25 @@
 
 namespace holba {
 
-// Builds a model whose observations are exact projections. Cameras have ids from 1, an image each with the same id.
+// Builds a model whose observations are exact projections. Cameras have ids from 1, an image each
+// with the same id.
 class ModelMaker {
  public:
-  explicit ModelMaker(std::string_view camera_model = "PINHOLE", std::vector<double> params = {700, 720, 500, 480}) {
+  explicit ModelMaker(std::string_view camera_model = "PINHOLE",
+                      std::vector<double> params = {700, 720, 500, 480}) {
     camera_ = {FindCameraModel(camera_model), 1000, 960, std::move(params)};
   }
 
-  // A camera at `centre` looking at `target`, y down (world z up); with a camera of its own or that of image 1.
-  image_t AddImage(const Eigen::Vector3d& centre, const Eigen::Vector3d& target, bool own_camera = false) {
+  // A camera at `centre` looking at `target`, y down (world z up); with a camera of its own or that
+  // of image 1.
+  image_t AddImage(const Eigen::Vector3d& centre, const Eigen::Vector3d& target,
+                   bool own_camera = false) {
     const image_t id = static_cast<image_t>(model.images.size() + 1);
     const camera_t camera_id = own_camera || id == 1 ? id : 1;
     if (camera_id == id) model.cameras.Add(id, camera_);
     const Eigen::Vector3d z = (target - centre).normalized();
-    const Eigen::Vector3d up = std::abs(z.z()) > 0.9 ? Eigen::Vector3d::UnitX() : Eigen::Vector3d::UnitZ();
+    const Eigen::Vector3d up =
+        std::abs(z.z()) > 0.9 ? Eigen::Vector3d::UnitX() : Eigen::Vector3d::UnitZ();
     const Eigen::Vector3d x = z.cross(up).normalized();
     Eigen::Matrix3d R;
     R << x.transpose(), z.cross(x).transpose(), z.transpose();
@@ -62,8 +67,10 @@ class ModelMaker {
     return id;
   }
 
-  // Every entry of `images` is one segment; a second one of the same image is another part of the line.
-  line3D_t AddLine(const Eigen::Vector3d& start, const Eigen::Vector3d& end, const std::vector<image_t>& images) {
+  // Every entry of `images` is one segment; a second one of the same image is another part of the
+  // line.
+  line3D_t AddLine(const Eigen::Vector3d& start, const Eigen::Vector3d& end,
+                   const std::vector<image_t>& images) {
     const line3D_t id = 500 + model.lines3D.size();
     Line3D line;
     line.line = PlueckerLine::FromPoints(start, end);
@@ -74,14 +81,15 @@ class ModelMaker {
       auto& lines2D = model.images.at(image_id).lines2D;
       line.track.push_back({image_id, static_cast<line2D_t>(lines2D.size())});
       const double from = 0.3 * seen[image_id]++;
-      lines2D.push_back({{Project(image_id, start + from * (end - start)), Project(image_id, end)}, id});
+      lines2D.push_back(
+          {{Project(image_id, start + from * (end - start)), Project(image_id, end)}, id});
     }
     model.lines3D.Add(id, std::move(line));
     return id;
   }
 
-  group3D_t AddGroup(std::string_view type, std::vector<double> params, std::vector<point3D_t> points,
-                     std::vector<line3D_t> lines) {
+  group3D_t AddGroup(std::string_view type, std::vector<double> params,
+                     std::vector<point3D_t> points, std::vector<line3D_t> lines) {
     const group3D_t id = 900 + model.groups3D.size();
     Group3D group;
     group.type = FindGroupType(type);
@@ -105,7 +113,8 @@ inline std::map<std::string, TermCost> TermsByName(const std::vector<TermCost>& 
   return by_name;
 }
 
-// Options without the steps around the plain adjustment: the association gate, measured losses, refitting.
+// Options without the steps around the plain adjustment: the association gate, measured losses,
+// refitting.
 inline BundleOptions PlainOptions(LossChoice loss = LossChoice::kTrivial) {
   BundleOptions options;
   options.gate = false;

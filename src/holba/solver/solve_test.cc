@@ -460,9 +460,11 @@ struct BrokenKernel {
   struct Datum {
     double broken_below;
   };
-  bool Evaluate(const Datum& datum, const double* const* values, double* r, double* const* jacobians) const {
+  bool Evaluate(const Datum& datum, const double* const* values, double* r,
+                double* const* jacobians) const {
     r[0] = values[0][0];
-    if (jacobians[0]) jacobians[0][0] = r[0] < datum.broken_below ? std::numeric_limits<double>::quiet_NaN() : 1.0;
+    if (jacobians[0])
+      jacobians[0][0] = r[0] < datum.broken_below ? std::numeric_limits<double>::quiet_NaN() : 1.0;
     return true;
   }
 };
@@ -472,7 +474,8 @@ TEST(StopReason, IsNoStepWhereNoneCanBeComputedAndTheBestStateIsKept) {
     Problem problem;
     const double x = 3.0;
     const BlockId block = problem.AddBlock("x", EuclideanOps(1), BlockRole::kKept, {&x, 1});
-    auto batch = std::make_unique<KernelBatch<BrokenKernel>>("broken", 1, std::vector<int>{1}, BrokenKernel{});
+    auto batch = std::make_unique<KernelBatch<BrokenKernel>>("broken", 1, std::vector<int>{1},
+                                                             BrokenKernel{});
     batch->Add(std::array{block}, {broken_below});
     problem.AddBatch(std::move(batch));
     SolverOptions options = Tight();
