@@ -2,6 +2,7 @@
 #include "holba/solver/ceres/ceres_backend.h"
 
 #include <ceres/ceres.h>
+#include <glog/logging.h>
 
 #include <algorithm>
 #include <cmath>
@@ -259,6 +260,8 @@ StopReason ReasonOf(const ceres::Solver::Summary& ceres_summary, const SolverOpt
 
 SolverSummary SolveWithCeres(const SolverOptions& options, Problem* problem) {
   const Timer timer;
+  // Ceres' warnings (a step that could not be solved for, ...) show in the summary and the iterations.
+  FLAGS_minloglevel = google::GLOG_ERROR;
   SolverSummary summary;
   summary.backend = "ceres";
   summary.reduced_system = AnalyseReducedSystem(*problem);
