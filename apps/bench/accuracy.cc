@@ -20,7 +20,15 @@ constexpr double kStrongGroupWeight = 5.0, kStrongWireframeWeight = 1.0;
 constexpr size_t kPointRow = 1;
 
 std::string NameOf(Visibility visibility) {
-  return visibility == Visibility::kRandom ? "random" : "near";
+  switch (visibility) {
+    case Visibility::kRandom:
+      return "random";
+    case Visibility::kNear:
+      return "near";
+    case Visibility::kCluster:
+      return "cluster";
+  }
+  return "";
 }
 
 void AddErrors(const Reconstruction& model, const Reconstruction& truth,

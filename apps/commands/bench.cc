@@ -13,7 +13,7 @@ namespace holba {
 namespace {
 
 enum class Benchmark { kIterations, kWireframeForm, kAccuracy };
-enum class VisibilityChoice { kDefault, kRandom, kNear, kBoth };
+enum class VisibilityChoice { kDefault, kRandom, kNear, kCluster, kBoth };
 enum class SchurChoice { kDense, kSparse, kBoth };
 
 class BenchJob : public Job {
@@ -42,10 +42,11 @@ class BenchJob : public Job {
                   {{"default", VisibilityChoice::kDefault},
                    {"random", VisibilityChoice::kRandom},
                    {"near", VisibilityChoice::kNear},
+                   {"cluster", VisibilityChoice::kCluster},
                    {"both", VisibilityChoice::kBoth}},
-                  "Whether any 4 to 8 cameras see a feature, or ones next to each other; default: "
-                  "random for times, both for "
-                  "accuracy.");
+                  "Which cameras see a feature: any 4 to 8, ones next to each other in the "
+                  "sequence (near) or in space (cluster), or random and then near (both); default: "
+                  "random for times, both for accuracy.");
     table->Choice("layout", &scene_.layout,
                   {{"sphere", SceneLayout::kSphere}, {"corridor", SceneLayout::kCorridor}},
                   "Cameras on a sphere around a cube, or in a row along a corridor.");
@@ -96,14 +97,23 @@ class BenchJob : public Job {
     return WholeNumbers("num_images", num_images_.empty() ? defaults : num_images_, 10);
   }
 
+  Visibility SingleVisibility() const {
+    if (visibility_ == VisibilityChoice::kNear) return Visibility::kNear;
+    if (visibility_ == VisibilityChoice::kCluster) return Visibility::kCluster;
+    return Visibility::kRandom;
+  }
+
   void RunAccuracy(const Invocation& invocation) const {
     AccuracyOptions options;
     const std::vector<int> sizes = Sizes({100});
     if (sizes.size() != 1) throw InputError("--num_images: the benchmark accuracy takes one size");
     options.scene = scene_;
     options.scene.num_images = sizes[0];
-    if (visibility_ != VisibilityChoice::kNear) options.visibilities.push_back(Visibility::kRandom);
-    if (visibility_ != VisibilityChoice::kRandom) options.visibilities.push_back(Visibility::kNear);
+    if (visibility_ == VisibilityChoice::kDefault || visibility_ == VisibilityChoice::kBoth) {
+      options.visibilities = {Visibility::kRandom, Visibility::kNear};
+    } else {
+      options.visibilities = {SingleVisibility()};
+    }
     options.num_seeds = num_seeds_;
     options.bundle = bundle_;
     options.solver = solver_;
@@ -126,7 +136,7 @@ class BenchJob : public Job {
     options.scene = scene_;
     if (visibility_ == VisibilityChoice::kBoth)
       throw InputError("--visibility: times are of one visibility at once");
-    if (visibility_ == VisibilityChoice::kNear) options.scene.visibility = Visibility::kNear;
+    options.scene.visibility = SingleVisibility();
     options.solver = solver_;
     const std::vector<TimingCase> cases =
         benchmark_ == Benchmark::kIterations ? ConfigCases(bundle_) : WireframeFormCases(bundle_);
