@@ -223,7 +223,7 @@ class Adjuster {
       BundleProblem features = BuildProblem(model_, features_only);
       scales_.Begin(features.problem);
       if (round > 0) Solve(Short(), &features.problem);
-      report = TestAssociations(model_, features);
+      report = TestAssociations(model_, features, options_.gate_confidence);
       if (!options_.fix_groups) {
         for (auto& [id, params] : report.group_params) model_.groups3D.at(id).params = params;
       }

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <unordered_map>
 
+#include "holba/base/check.h"
 #include "holba/base/random.h"
 #include "holba/bundle/adjust_bundle.h"
 #include "holba/bundle/bundle_problem.h"
@@ -15,9 +16,6 @@
 namespace holba {
 namespace {
 
-// 99 % quantiles of the chi-square distribution with 1 and 2 degrees of freedom.
-constexpr double kMaxChiSquare1 = 6.63;
-constexpr double kMaxChiSquare2 = 9.21;
 // Lines of one vanishing point are parallel up to this, as its weight of 5e3 on the cost says (1 /
 // sqrt(5e3)).
 constexpr double kParallelSigmaRad = 0.81 * std::numbers::pi / 180.0;
@@ -92,7 +90,10 @@ double NoisePx(const Problem& problem, const std::string& term, double per_resid
 
 class Tester {
  public:
-  Tester(const Reconstruction& model, const BundleProblem& features) : model_(model) {
+  Tester(const Reconstruction& model, const BundleProblem& features, double confidence)
+      : model_(model),
+        max_chi_square1_(ChiSquareQuantile(confidence, 1)),
+        max_chi_square2_(ChiSquareQuantile(confidence, 2)) {
     const Problem& problem = features.problem;
     std::unordered_map<BlockId, Eigen::Matrix3d> point_information;
     std::unordered_map<BlockId, Eigen::Matrix4d> line_information;
@@ -126,7 +127,7 @@ class Tester {
     AssociationCount& edges = report_.counts["wireframe edges"];
     for (const WireframeEdge& edge : model_.wireframe) {
       ++edges.tested;
-      if (EdgeChiSquare(edge) < kMaxChiSquare2) continue;
+      if (EdgeChiSquare(edge) < max_chi_square2_) continue;
       ++edges.rejected;
       report_.filter.edges.emplace(edge.point3D_id, edge.line3D_id);
     }
@@ -203,12 +204,12 @@ class Tester {
   };
 
   // Sum of truncated chi-squares, each as a share of its bound: smaller is better, size() at worst.
-  static double Score(const GroupType& type, const double* g, const Members& members) {
+  double Score(const GroupType& type, const double* g, const Members& members) const {
     double score = 0.0;
     for (const auto& [id, point] : members.points)
-      score += std::min(1.0, ChiSquare(type, g, *point) / kMaxChiSquare1);
+      score += std::min(1.0, ChiSquare(type, g, *point) / max_chi_square1_);
     for (const auto& [id, line] : members.lines)
-      score += std::min(1.0, ChiSquare(type, g, *line) / kMaxChiSquare2);
+      score += std::min(1.0, ChiSquare(type, g, *line) / max_chi_square2_);
     return score;
   }
 
@@ -222,7 +223,7 @@ class Tester {
   }
 
   // The best of the given parameters and of random minimal samples, then refitted to its inliers.
-  static void Estimate(const GroupType& type, const Members& members, Random* random, double* g) {
+  void Estimate(const GroupType& type, const Members& members, Random* random, double* g) const {
     double best = Score(type, g, members);
     double trial[kMaxGroupParams];
     const auto consider = [&] {
@@ -257,10 +258,10 @@ class Tester {
       std::vector<const PointEstimate*> points;
       std::vector<const LineEstimate*> lines;
       for (const auto& [id, point] : members.points) {
-        if (ChiSquare(type, g, *point) < kMaxChiSquare1) points.push_back(point);
+        if (ChiSquare(type, g, *point) < max_chi_square1_) points.push_back(point);
       }
       for (const auto& [id, line] : members.lines) {
-        if (ChiSquare(type, g, *line) < kMaxChiSquare2) lines.push_back(line);
+        if (ChiSquare(type, g, *line) < max_chi_square2_) lines.push_back(line);
       }
       if (!Fit(type, points, lines, trial) || !consider()) break;
     }
@@ -290,7 +291,7 @@ class Tester {
     for (const auto& [point_id, point] : members.points) {
       AssociationCount& count = report_.counts[name + " points"];
       ++count.tested;
-      if (ChiSquare(type, g, *point) < kMaxChiSquare1) {
+      if (ChiSquare(type, g, *point) < max_chi_square1_) {
         ++accepted;
       } else {
         ++count.rejected;
@@ -300,7 +301,7 @@ class Tester {
     for (const auto& [line_id, line] : members.lines) {
       AssociationCount& count = report_.counts[name + " lines"];
       ++count.tested;
-      if (ChiSquare(type, g, *line) < kMaxChiSquare2) {
+      if (ChiSquare(type, g, *line) < max_chi_square2_) {
         ++accepted;
       } else {
         ++count.rejected;
@@ -320,6 +321,7 @@ class Tester {
   }
 
   const Reconstruction& model_;
+  const double max_chi_square1_, max_chi_square2_;
   std::unordered_map<point3D_t, PointEstimate> points_;
   std::unordered_map<line3D_t, LineEstimate> lines_;
   AssociationReport report_;
@@ -327,8 +329,22 @@ class Tester {
 
 }  // namespace
 
-AssociationReport TestAssociations(const Reconstruction& model, const BundleProblem& features) {
-  return Tester(model, features).Run();
+double ChiSquareQuantile(double probability, int degrees_of_freedom) {
+  HOLBA_CHECK(degrees_of_freedom == 1 || degrees_of_freedom == 2);
+  HOLBA_CHECK(probability > 0.0 && probability < 1.0);
+  if (degrees_of_freedom == 2) return -2.0 * std::log1p(-probability);
+  // P(x) = 1 - erfc(sqrt(x / 2)), monotonic.
+  double low = 0.0, high = 100.0;
+  while (high - low > 1e-12 * high) {
+    const double middle = 0.5 * (low + high);
+    (std::erfc(std::sqrt(0.5 * middle)) > 1.0 - probability ? low : high) = middle;
+  }
+  return high;
+}
+
+AssociationReport TestAssociations(const Reconstruction& model, const BundleProblem& features,
+                                   double confidence) {
+  return Tester(model, features, confidence).Run();
 }
 
 }  // namespace holba

@@ -46,6 +46,11 @@ struct AssociationReport {
 // covariances follow from its Jacobians with the cameras held and the noise measured from its
 // residuals. Groups are re-estimated by RANSAC on distances in standard deviations (the model's own
 // parameters being one hypothesis). Repeatable.
-AssociationReport TestAssociations(const Reconstruction& model, const BundleProblem& features);
+// `confidence`: share of the right associations that passes.
+AssociationReport TestAssociations(const Reconstruction& model, const BundleProblem& features,
+                                   double confidence = 0.99);
+
+// Quantile of the chi-square distribution with 1 or 2 degrees of freedom.
+double ChiSquareQuantile(double probability, int degrees_of_freedom);
 
 }  // namespace holba

@@ -77,6 +77,14 @@ Verdicts TestOn(const BundleProblemOptions& scene_options) {
   return verdicts;
 }
 
+TEST(ChiSquareQuantile, AgreesWithTables) {
+  EXPECT_NEAR(ChiSquareQuantile(0.95, 1), 3.841459, 1e-6);
+  EXPECT_NEAR(ChiSquareQuantile(0.99, 1), 6.634897, 1e-6);
+  EXPECT_NEAR(ChiSquareQuantile(0.999, 1), 10.827566, 1e-6);
+  EXPECT_NEAR(ChiSquareQuantile(0.95, 2), 5.991465, 1e-6);
+  EXPECT_NEAR(ChiSquareQuantile(0.99, 2), 9.210340, 1e-6);
+}
+
 // The test is at 99 % of the noise of free features at held cameras; cameras have errors of their
 // own and lines of few short segments are not quite Gaussian, so a little less passes (feasibility:
 // 97-99 % of points, 93-100 % of lines).

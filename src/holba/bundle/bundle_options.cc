@@ -71,6 +71,8 @@ void BundleOptions::Describe(OptionTable* table) {
                "left out.");
   table->Field("gate_rounds", &gate_rounds, Between(1, 10),
                "Rounds of testing associations and adjusting.");
+  table->Field("gate_confidence", &gate_confidence, Between(0.5, 0.999999),
+               "Share of the right associations that passes a test.");
   table->Field("refine_focal_length", &refine_focal_length, "Whether focal lengths are adjusted.");
   table->Field("refine_principal_point", &refine_principal_point,
                "Whether principal points are adjusted.");

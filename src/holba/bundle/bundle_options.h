@@ -60,6 +60,7 @@ struct BundleOptions {
   // anew in each round.
   bool gate = true;
   int gate_rounds = 3;
+  double gate_confidence = 0.99;  // share of the right associations that passes
 
   bool refine_focal_length = true;
   bool refine_principal_point = false;
