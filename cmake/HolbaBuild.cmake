@@ -95,6 +95,18 @@ function(holba_test name)
   set_tests_properties(${name} PROPERTIES TIMEOUT 600)
 endfunction()
 
+# Folder of real image sets and adjustment problems; tests that need it are skipped, and say so, where it is missing.
+set(HOLBA_DATA_DIR ${PROJECT_SOURCE_DIR}/../shared/data CACHE PATH "Folder of real data for the tests.")
+
+# holba_test_data(tests...): these tests include holba/base/data_testing.h.
+function(holba_test_data)
+  foreach(test ${ARGN})
+    if(TARGET ${test})
+      target_compile_definitions(${test} PRIVATE HOLBA_CONFIGURED_DATA_DIR="${HOLBA_DATA_DIR}")
+    endif()
+  endforeach()
+endfunction()
+
 # Installs every room, its headers and a package config: find_package(holba), link holba::holba.
 function(holba_install_package)
   get_property(rooms GLOBAL PROPERTY HOLBA_ROOMS)
@@ -110,7 +122,7 @@ function(holba_install_package)
           FILES_MATCHING PATTERN "*.h" PATTERN fuzz EXCLUDE
           # Helpers of tests stay here.
           PATTERN "*_testing.h" EXCLUDE PATTERN test_scenes.h EXCLUDE
-          PATTERN random_model.h EXCLUDE PATTERN camera_examples.h EXCLUDE)
+          PATTERN test_models.h EXCLUDE PATTERN random_model.h EXCLUDE PATTERN camera_examples.h EXCLUDE)
   install(EXPORT holbaTargets NAMESPACE holba:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba)
   configure_package_config_file(
     ${PROJECT_SOURCE_DIR}/cmake/holbaConfig.cmake.in ${CMAKE_BINARY_DIR}/holbaConfig.cmake

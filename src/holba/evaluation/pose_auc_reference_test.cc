@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The pose AUC against an independent implementation (pose_auc.py beside the real image sets, which
-// are not part of the project): HOLBA_SHARED names their folder, HOLBA_PYTHON a Python with numpy.
+// are not part of the project): HOLBA_DATA_DIR names their folder, HOLBA_PYTHON a Python with numpy.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "holba/base/data_testing.h"
 #include "holba/evaluation/pose_auc.h"
 #include "holba/evaluation/statistics.h"
 
@@ -19,11 +20,6 @@ namespace holba {
 namespace {
 
 namespace fs = std::filesystem;
-
-fs::path DataFolder() {
-  const char* shared = std::getenv("HOLBA_SHARED");
-  return fs::path(shared != nullptr ? shared : HOLBA_SHARED_DIR) / "data";
-}
 
 std::string Output(const std::string& command) {
   std::string output;
@@ -95,7 +91,7 @@ TEST_P(PoseAucReference, AgreesOnRealModels) {
   const fs::path gt = data / GetParam() / "gt" / "images.txt";
   const fs::path model_path = data / GetParam() / "holistic" / "images.txt";
   if (!fs::exists(gt) || !fs::exists(model_path)) {
-    GTEST_SKIP() << "SKIPPED, NOT TESTED: no real models under " << data << " (set HOLBA_SHARED)";
+    GTEST_SKIP() << "SKIPPED, NOT TESTED: no real models under " << data << " (set HOLBA_DATA_DIR)";
   }
   const std::string python = PythonWithNumpy();
   if (python.empty()) {

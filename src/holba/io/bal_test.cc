@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "holba/base/error.h"
-#include "holba/io/shared_data.h"
+#include "holba/base/data_testing.h"
 #include "holba/io/test_models.h"
 
 namespace holba {
@@ -106,9 +106,9 @@ TEST(Bal, WritingUndoesReading) {
 }
 
 TEST(Bal, RealProblemsSurviveReadingAndWriting) {
-  HOLBA_SKIP_WITHOUT_SHARED_DATA();
+  HOLBA_SKIP_WITHOUT_DATA();
   int num_problems = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(SharedData() / "bal")) {
+  for (const auto& entry : std::filesystem::directory_iterator(DataFolder() / "bal")) {
     ASSERT_TRUE(IsBalFile(entry.path()));
     const Reconstruction model = ReadBal(entry.path());
     EXPECT_EQ(model.FindInconsistency(), std::nullopt);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Real models, and COLMAP itself as the judge of what we write.
-#include "holba/io/shared_data.h"
+#include "holba/base/data_testing.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 std::vector<fs::path> RealModels() {
   std::vector<fs::path> models;
-  for (const auto& entry : fs::recursive_directory_iterator(SharedData())) {
+  for (const auto& entry : fs::recursive_directory_iterator(DataFolder())) {
     if (entry.is_directory() && FindModelFormat(entry.path())) models.push_back(entry.path());
   }
   std::sort(models.begin(), models.end());
@@ -37,7 +37,7 @@ std::string Records(const std::string& bytes) {
 }
 
 TEST(RealModels, AreConsistentAndSurviveBothFormatsBitForBit) {
-  HOLBA_SKIP_WITHOUT_SHARED_DATA();
+  HOLBA_SKIP_WITHOUT_DATA();
   size_t num_holistic = 0;
   const std::vector<fs::path> models = RealModels();
   EXPECT_GE(models.size(), 20u);
@@ -69,8 +69,8 @@ TEST(RealModels, AreConsistentAndSurviveBothFormatsBitForBit) {
 }
 
 TEST(RealModels, HaveTheSizesThatTheirReadmeStates) {
-  HOLBA_SKIP_WITHOUT_SHARED_DATA();
-  const Reconstruction model = ReadModel(SharedData() / "entry_p10" / "holistic");
+  HOLBA_SKIP_WITHOUT_DATA();
+  const Reconstruction model = ReadModel(DataFolder() / "entry_p10" / "holistic");
   EXPECT_EQ(model.images.size(), 10u);
   EXPECT_EQ(model.points3D.size(), 3999u);
   EXPECT_EQ(model.lines3D.size(), 532u);
@@ -187,9 +187,9 @@ TEST(Colmap, ReadsNamesWithBlanksInBinary) {
 
 TEST(Colmap, ReadsRealHolisticModelsAsWeWriteThem) {
   SKIP_WITHOUT_COLMAP();
-  HOLBA_SKIP_WITHOUT_SHARED_DATA();
+  HOLBA_SKIP_WITHOUT_DATA();
   const TestFolder folder;
-  const Reconstruction model = ReadModel(SharedData() / "herzjesu_p8" / "holistic");
+  const Reconstruction model = ReadModel(DataFolder() / "herzjesu_p8" / "holistic");
   WriteModel(model, folder / "bin", ModelFormat::kBinary);
   ASSERT_TRUE(Convert(folder / "bin", folder / "txt", "TXT"));
   ExpectSameColmapModel(model, ReadModel(folder / "txt"));
