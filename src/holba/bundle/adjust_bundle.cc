@@ -265,9 +265,11 @@ class Adjuster {
     }
   }
 
-  void Solve(const SolverOptions& options, Problem* problem) {
+  void Solve(SolverOptions options, Problem* problem) {
+    options.max_seconds = std::max(solver_options_.max_seconds - timer_.Seconds(), 0.0);
     const SolverSummary solved = holba::Solve(options, problem);
-    stopped_ |= solved.stop_reason == StopReason::kCallback;
+    stopped_ |=
+        solved.stop_reason == StopReason::kCallback || solved.stop_reason == StopReason::kMaxTime;
     Accumulate(solved, &summary_.solver);
     ++summary_.rounds;
   }
@@ -277,9 +279,10 @@ class Adjuster {
   Reconstruction& model_;
   std::span<const GroupMeasurement> measurements_;
   const RoundLog& log_;
+  const Timer timer_;
   AutoScales scales_;
   BundleSummary summary_;
-  bool stopped_ = false;  // by the caller
+  bool stopped_ = false;  // by the caller, or because time is up
 };
 
 }  // namespace

@@ -18,8 +18,24 @@ struct GroupLineResidual {
 
   bool Evaluate(const Datum& datum, const double* const* values, double* residual,
                 double* const* jacobians) const {
-    const LineBlock block(values[0]);
     Vector6d on_group;
+    if (!AnyWanted(jacobians, 4)) {
+      const Vector6d line = LineOf(values[0]);
+      const IdealCalibration k = camera.model->ideal_calibration(values[2]);
+      Eigen::Vector2d start, end;
+      Eigen::Vector4d rho_a, rho_b;
+      if (!type->project_line(values[3], line, &on_group) ||
+          !camera.Locate(datum.start, values[2], &start, nullptr) ||
+          !camera.Locate(datum.end, values[2], &end, nullptr) ||
+          !PerpendicularValues(ProjectLine(datum.sensor, values[1], k, line), start, end, &rho_a) ||
+          !PerpendicularValues(ProjectLine(datum.sensor, values[1], k, on_group), start, end,
+                               &rho_b)) {
+        return false;
+      }
+      Eigen::Map<Eigen::Vector4d>{residual} = rho_a - rho_b;
+      return true;
+    }
+    const LineBlock block(values[0]);
     RowMajor<6, 6> d_line;
     double d_group[6 * kMaxGroupParams];
     if (!type->project_line_with_jacobian(values[3], block.line, &on_group, d_line.data(), d_group))

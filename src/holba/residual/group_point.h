@@ -21,6 +21,16 @@ struct GroupPointResidual {
                 double* const* jacobians) const {
     const Eigen::Map<const Eigen::Vector3d> X(values[0]);
     Eigen::Vector3d on_group;
+    if (!AnyWanted(jacobians, 4)) {
+      Eigen::Vector2d a, b;
+      if (!type->project_point(values[3], X, &on_group) ||
+          !ProjectPoint(*model, datum.sensor, values[1], values[2], X, &a) ||
+          !ProjectPoint(*model, datum.sensor, values[1], values[2], on_group, &b)) {
+        return false;
+      }
+      Eigen::Map<Eigen::Vector2d>{residual} = a - b;
+      return true;
+    }
     RowMajor<3, 3> d_point;
     double d_group[3 * kMaxGroupParams];
     if (!type->project_point_with_jacobian(values[3], X, &on_group, d_point.data(), d_group))

@@ -20,6 +20,20 @@ struct LineResidual {
 
   bool Evaluate(const Datum& datum, const double* const* values, double* residual,
                 double* const* jacobians) const {
+    if (!AnyWanted(jacobians, 3)) {
+      Eigen::Vector2d start, end;
+      Eigen::Vector4d rho;
+      if (!camera.Locate(datum.start, values[2], &start, nullptr) ||
+          !camera.Locate(datum.end, values[2], &end, nullptr) ||
+          !PerpendicularValues(
+              ProjectLine(datum.sensor, values[1], camera.model->ideal_calibration(values[2]),
+                          LineOf(values[0])),
+              start, end, &rho)) {
+        return false;
+      }
+      Eigen::Map<Eigen::Vector4d>{residual} = rho;
+      return true;
+    }
     const LineBlock block(values[0]);
     const IdealCalibration k = camera.model->ideal_calibration(values[2]);
     LineInImage image;

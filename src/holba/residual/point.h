@@ -17,8 +17,14 @@ struct PointResidual {
 
   bool Evaluate(const Datum& datum, const double* const* values, double* residual,
                 double* const* jacobians) const {
-    PointInImage image;
     const Eigen::Map<const Eigen::Vector3d> X(values[0]);
+    if (!AnyWanted(jacobians, 3)) {
+      Eigen::Vector2d pixel;
+      if (!ProjectPoint(*model, datum.sensor, values[1], values[2], X, &pixel)) return false;
+      Eigen::Map<Eigen::Vector2d>{residual} = pixel - datum.observed;
+      return true;
+    }
+    PointInImage image;
     if (!ProjectPoint(*model, datum.sensor, values[1], values[2], X, &image)) return false;
     Eigen::Map<Eigen::Vector2d>{residual} = image.pixel - datum.observed;
     if (jacobians[0]) Eigen::Map<RowMajor<2, 3>>{jacobians[0]} = image.d_point;

@@ -59,6 +59,12 @@ void ExpectJacobians(const Kernel& kernel, const typename Kernel::Datum& datum,
   }
   double r[Kernel::kDim];
   ASSERT_TRUE(kernel.Evaluate(datum, values, r, jacobians)) << what;
+  const auto value_alone = Value(kernel, datum, slots);
+  ASSERT_TRUE(value_alone.has_value()) << what;
+  for (int k = 0; k < Kernel::kDim; ++k) {
+    EXPECT_NEAR(r[k], (*value_alone)[k], 1e-9 * (1.0 + std::abs(r[k])))
+        << what << ", value without Jacobians";
+  }
   for (size_t s = 0; s < slots.size(); ++s) {
     const int tangent = slots[s].manifold->tangent;
     double largest = 1e-6;

@@ -29,7 +29,23 @@ inline Eigen::Matrix3d PoseRotation(const double* pose) {
   return Eigen::Quaterniond(pose[3], pose[0], pose[1], pose[2]).toRotationMatrix();
 }
 
-// x_cam of a world point and its derivatives.
+// Whether any Jacobian of the first `slots` blocks is wanted; trial steps want none, and half of
+// the work can be left out.
+inline bool AnyWanted(double* const* jacobians, int slots) {
+  for (int s = 0; s < slots; ++s) {
+    if (jacobians[s]) return true;
+  }
+  return false;
+}
+
+// x_cam of a world point.
+inline Eigen::Vector3d ToCamera(const SensorPose* sensor, const double* pose,
+                                const Eigen::Vector3d& X) {
+  const Eigen::Vector3d x = PoseRotation(pose) * X + Eigen::Vector3d(pose[4], pose[5], pose[6]);
+  return sensor ? Eigen::Vector3d(sensor->rotation * x + sensor->translation) : x;
+}
+
+// The same with its derivatives.
 struct PointInCamera {
   Eigen::Vector3d x;
   Eigen::Matrix3d d_point;
@@ -67,6 +83,22 @@ inline bool ProjectPoint(const CameraModel& model, const SensorPose* sensor, con
   }
   out->d_point = d_cam * in_cam.d_point;
   out->d_pose = d_cam * in_cam.d_pose;
+  return true;
+}
+
+// The pixel alone.
+inline bool ProjectPoint(const CameraModel& model, const SensorPose* sensor, const double* pose,
+                         const double* params, const Eigen::Vector3d& X, Eigen::Vector2d* pixel) {
+  return model.project(params, ToCamera(sensor, pose, X), pixel);
+}
+
+inline bool ProjectPointIdeal(const CameraModel& model, const SensorPose* sensor,
+                              const double* pose, const double* params, const Eigen::Vector3d& X,
+                              Eigen::Vector2d* pixel) {
+  const Eigen::Vector3d x = ToCamera(sensor, pose, X);
+  if (!(x.z() > kMinRelativeDepth * x.norm())) return false;
+  const IdealCalibration k = model.ideal_calibration(params);
+  *pixel << k.fx * x.x() / x.z() + k.cx, k.fy * x.y() / x.z() + k.cy;
   return true;
 }
 
@@ -137,6 +169,20 @@ inline void ProjectLine(const SensorPose* sensor, const double* pose, const Idea
       -k.cy * m.y() + k.fy * m.z(), -k.cx * m.x() + k.fx * m.z(), -k.fy * m.x(), -k.fx * m.y();
 }
 
+// The line alone.
+inline Eigen::Vector3d ProjectLine(const SensorPose* sensor, const double* pose,
+                                   const IdealCalibration& k, const Vector6d& line) {
+  const Eigen::Matrix3d R = PoseRotation(pose);
+  Eigen::Vector3d d = R * line.head<3>();
+  Eigen::Vector3d m = R * line.tail<3>() + Eigen::Vector3d(pose[4], pose[5], pose[6]).cross(d);
+  if (sensor) {
+    d = (sensor->rotation * d).eval();
+    m = (sensor->rotation * m + sensor->translation.cross(d)).eval();
+  }
+  return {k.fy * m.x(), k.fx * m.y(),
+          -k.fy * k.cx * m.x() - k.fx * k.cy * m.y() + k.fx * k.fy * m.z()};
+}
+
 // Adds d * d(calibration)/d(params) to a Jacobian of `rows` rows and num_params columns.
 template <int Rows>
 void AddCalibrationColumns(const IdealCalibration& k, const Eigen::Matrix<double, Rows, 4>& d,
@@ -185,14 +231,22 @@ struct LineCamera {
   }
 };
 
-// (d, m) of a line block [d p], m = p x d, with d(d, m)/d(tangent of LineManifold).
+// (d, m) of a line block [d p], m = p x d.
+inline Vector6d LineOf(const double* values) {
+  const Eigen::Vector3d d(values[0], values[1], values[2]), p(values[3], values[4], values[5]);
+  Vector6d line;
+  line << d, p.cross(d);
+  return line;
+}
+
+// The same with d(d, m)/d(tangent of LineManifold).
 struct LineBlock {
   Vector6d line;
   Eigen::Matrix<double, 6, 4> d_tangent;
 
   explicit LineBlock(const double* values) {
     const Eigen::Vector3d d(values[0], values[1], values[2]), p(values[3], values[4], values[5]);
-    line << d, p.cross(d);
+    line = LineOf(values);
     const Eigen::Matrix<double, 3, 2> basis = TangentBasis(d);
     d_tangent.topLeftCorner<3, 2>() = basis;
     d_tangent.topRightCorner<3, 2>().setZero();
@@ -222,5 +276,15 @@ struct Perpendicular {
     return true;
   }
 };
+
+// Both perpendicular vectors alone, R^4. False: as Perpendicular::Set.
+inline bool PerpendicularValues(const Eigen::Vector3d& l, const Eigen::Vector2d& start,
+                                const Eigen::Vector2d& end, Eigen::Vector4d* values) {
+  const Eigen::Vector2d n = l.head<2>();
+  const double q = n.squaredNorm();
+  if (!(q > 1e-24 * l.squaredNorm())) return false;
+  *values << (l.z() + n.dot(start)) / q * n, (l.z() + n.dot(end)) / q * n;
+  return true;
+}
 
 }  // namespace holba

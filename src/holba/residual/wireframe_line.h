@@ -23,8 +23,15 @@ struct WireframeLineResidual {
     Eigen::Vector2d x;
     double d_x[2 * kMaxCameraParams];
     if (!camera.Locate(datum.observed, values[2], &x, jacobians[2] ? d_x : nullptr)) return false;
-    const LineBlock block(values[0]);
     const IdealCalibration k = camera.model->ideal_calibration(values[2]);
+    if (!AnyWanted(jacobians, 3)) {
+      const Eigen::Vector3d l = ProjectLine(datum.sensor, values[1], k, LineOf(values[0]));
+      const double q = l.head<2>().squaredNorm();
+      if (!(q > 1e-24 * l.squaredNorm())) return false;
+      residual[0] = (l.z() + l.head<2>().dot(x)) / std::sqrt(q);
+      return true;
+    }
+    const LineBlock block(values[0]);
     LineInImage image;
     ProjectLine(datum.sensor, values[1], k, block.line, &image);
     const Eigen::RowVector2d n = image.l.head<2>().transpose();

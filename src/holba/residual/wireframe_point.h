@@ -28,8 +28,16 @@ struct WireframePointResidual {
     const Eigen::Vector2d along = b - a;
     const double length = along.norm();
     if (!(length > 0.0)) return false;
-    PointInImage image;
     const Eigen::Map<const Eigen::Vector3d> X(values[0]);
+    if (!AnyWanted(jacobians, 3)) {
+      Eigen::Vector2d pixel;
+      if (!ProjectPointIdeal(*camera.model, datum.sensor, values[1], values[2], X, &pixel))
+        return false;
+      const Eigen::Vector2d u = pixel - a;
+      residual[0] = (along.x() * u.y() - along.y() * u.x()) / length;
+      return true;
+    }
+    PointInImage image;
     if (!ProjectPointIdeal(*camera.model, datum.sensor, values[1], values[2], X, &image))
       return false;
     const Eigen::Vector2d u = image.pixel - a;

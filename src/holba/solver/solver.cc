@@ -20,7 +20,8 @@ void SolverOptions::Describe(OptionTable* table) {
   table->Field("num_threads", &num_threads, AtLeast(-1),
                "Threads; -1: as many as repeat bit for bit (Ceres: 1; with more its sums change in "
                "the last digits).");
-  table->Field("max_num_iterations", &max_num_iterations, AtLeast(0), "Most iterations.");
+  table->Field("max_num_iterations", &max_num_iterations, AtLeast(0),
+               "Most iterations of one round (losses auto and the gate take several).");
   table->Field("max_linear_solver_iterations", &max_linear_solver_iterations, AtLeast(1),
                "Most conjugate gradient steps of the iterative solver in one iteration.");
   table->Field("max_seconds", &max_seconds, GreaterThan(0),

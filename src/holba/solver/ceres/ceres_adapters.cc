@@ -6,13 +6,29 @@
 namespace holba {
 namespace {
 
-// a (rows x inner) * b (inner x cols), row-major.
-void MultiplyInto(const double* a, const double* b, int rows, int inner, int cols, double* out) {
-  for (int i = 0; i < rows; ++i) {
-    for (int j = 0; j < cols; ++j) {
+// J (dim x tangent) * MinusJacobian (tangent x ambient), row-major, for the sizes of the manifolds
+// that are met most.
+template <int Tangent, int Ambient>
+void MultiplyFixed(const double* J, const double* minus, int dim, double* out) {
+  const Eigen::Map<const RowMajor<Tangent, Ambient>> m(minus);
+  for (int row = 0; row < dim; ++row) {
+    Eigen::Map<Eigen::Matrix<double, 1, Ambient>>{out + row* Ambient} =
+        Eigen::Map<const Eigen::Matrix<double, 1, Tangent>>{J + row * Tangent} * m;
+  }
+}
+
+void MultiplyInto(const double* J, const double* minus, int dim, const ManifoldOps& ops,
+                  double* out) {
+  if (ops.tangent == 6 && ops.ambient == 7) return MultiplyFixed<6, 7>(J, minus, dim, out);
+  if (ops.tangent == 4 && ops.ambient == 6) return MultiplyFixed<4, 6>(J, minus, dim, out);
+  if (ops.tangent == 3 && ops.ambient == 4) return MultiplyFixed<3, 4>(J, minus, dim, out);
+  if (ops.tangent == 2 && ops.ambient == 3) return MultiplyFixed<2, 3>(J, minus, dim, out);
+  for (int i = 0; i < dim; ++i) {
+    for (int j = 0; j < ops.ambient; ++j) {
       double sum = 0.0;
-      for (int k = 0; k < inner; ++k) sum += a[i * inner + k] * b[k * cols + j];
-      out[i * cols + j] = sum;
+      for (int k = 0; k < ops.tangent; ++k)
+        sum += J[i * ops.tangent + k] * minus[k * ops.ambient + j];
+      out[i * ops.ambient + j] = sum;
     }
   }
 }
@@ -99,7 +115,7 @@ bool CeresResidual::Evaluate(double const* const* parameters, double* residuals,
     const ManifoldOps& ops = *problem_.block(batch_.block(index_, s)).manifold;
     double minus[kMaxTangent * kMaxTangent];
     ops.minus_jacobian(parameters[s], minus);
-    MultiplyInto(tangent_jacobians[s], minus, dim, ops.tangent, ops.ambient, jacobians[s]);
+    MultiplyInto(tangent_jacobians[s], minus, dim, ops, jacobians[s]);
   }
   return true;
 }
