@@ -86,7 +86,7 @@ TEST(ChiSquareQuantile, AgreesWithTables) {
 }
 
 // The test is at 99 % of the noise of free features at held cameras; cameras have errors of their
-// own and lines of few short segments are not quite Gaussian, so a little less passes (feasibility:
+// own and lines of few short segments are not quite Gaussian, so a little less passes (seen:
 // 97-99 % of points, 93-100 % of lines).
 TEST(AssociationGate, PassesNearlyAllRightAssociations) {
   const Verdicts v = TestOn({.seed = 3, .num_images = 40});
