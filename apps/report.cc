@@ -43,10 +43,10 @@ json SummaryToJson(const BundleSummary& summary) {
             {"sum_squares_final", after.sum_squares},
             {"cost_initial", before.cost},
             {"cost_final", after.cost}};
-    const auto scale = summary.auto_scales_px.find(after.term);
-    if (scale != summary.auto_scales_px.end()) {
-      term["auto_scale_px"] = scale->second;
-      term["auto_sigma_px"] = summary.auto_sigmas_px.at(after.term);
+    const auto scale = summary.auto_scales.find(after.term);
+    if (scale != summary.auto_scales.end()) {
+      term["auto_scale"] = scale->second;
+      term["auto_sigma"] = summary.auto_sigmas.at(after.term);
     }
   }
   json associations = json::object();
@@ -96,10 +96,10 @@ std::string SummaryToText(const BundleSummary& summary) {
     text += fmt::format("{:<16} {:>10} {:>8} {:>14.6g} {:>14.6g} {:>11.4g} {:>11.4g}", after.term,
                         after.residuals, after.absent, before.cost, after.cost, rms(before),
                         rms(after));
-    const auto scale = summary.auto_scales_px.find(after.term);
-    if (scale != summary.auto_scales_px.end()) {
-      text += fmt::format("  Cauchy {:.3f} px (sigma {:.3f} px)", scale->second,
-                          summary.auto_sigmas_px.at(after.term));
+    const auto scale = summary.auto_scales.find(after.term);
+    if (scale != summary.auto_scales.end()) {
+      text += fmt::format("  Cauchy {0:.3g}{2} (sigma {1:.3g}{2})", scale->second,
+                          summary.auto_sigmas.at(after.term), after.angular ? "" : " px");
     }
     text += '\n';
   }

@@ -55,7 +55,7 @@ def term_rows(name: str, summary: dict) -> list[list[str]]:
     rows = []
     for term, costs in summary["terms"].items():
         rows.append([name, term, str(costs["residuals"]), f"{costs['cost_initial']:.1f}", f"{costs['cost_final']:.1f}",
-                     f"{costs['auto_scale_px']:.2f}" if "auto_scale_px" in costs else "-"])
+                     f"{costs['auto_scale']:.2f}" if "auto_scale" in costs else "-"])
     cost = summary["cost"]
     rows.append([name, "all", "", f"{cost['initial']:.1f}", f"{cost['final']:.1f}", "-"])
     return rows

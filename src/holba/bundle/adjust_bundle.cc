@@ -20,6 +20,8 @@ constexpr double kSigmaPerMedian = 1.4826;
 constexpr double kStartMultiple = 8.0;
 // Scales that differ less than this are the same.
 constexpr double kScaleTolerance = 0.02;
+// Sine of 0.01 degrees: no direction is known better.
+constexpr double kMinAngularScale = 1.7e-4;
 constexpr int kMaxRounds = 12;
 // A round before the last need not converge: it only has to bring the residuals near.
 constexpr int kRoundIterations = 15;
@@ -110,8 +112,10 @@ class AutoScales {
 
  private:
   double Goal(const Problem& problem, const std::string& term) {
-    sigmas_[term] = RobustSigmaPx(problem, term);
-    return std::max(options_.auto_num_sigmas * sigmas_[term], options_.auto_min_scale_px);
+    const double sigma = RobustSigma(problem, term);
+    sigmas_[term] = sigma;
+    return std::max(options_.auto_num_sigmas * sigma,
+                    IsAngular(FamilyOf(term)) ? kMinAngularScale : options_.auto_min_scale_px);
   }
 
   const BundleOptions& options_;
@@ -145,7 +149,7 @@ void RefitOthers(BundleOptions options, SolverOptions solver_options, Reconstruc
 
 }  // namespace
 
-double RobustSigmaPx(const Problem& problem, const std::string& term) {
+double RobustSigma(const Problem& problem, const std::string& term) {
   std::vector<double> values = ResidualNorms(problem, term, true);
   if (term == "line" || term == "group_line") {
     // Perpendicular vectors, two components each: their length is the distance.
@@ -183,8 +187,8 @@ class Adjuster {
     }
     WriteBack(bundle, &model_);
 
-    summary_.auto_scales_px = scales_.scales();
-    summary_.auto_sigmas_px = scales_.sigmas();
+    summary_.auto_scales = scales_.scales();
+    summary_.auto_sigmas = scales_.sigmas();
     // Costs before, with the losses and associations of the end.
     bundle.problem.state() = start;
     SetTerms(bundle.problem, &summary_.solver.initial_terms, &summary_.solver.initial_cost);

@@ -19,10 +19,10 @@ struct BundleSummary {
   // Of the whole adjustment: times and iterations are sums over rounds; initial and final costs are
   // both taken with the losses of the last round, so that they compare.
   SolverSummary solver;
-  // Scale of the loss of each term where it was `auto`, after the last round, px; and the robust
-  // standard deviation of its residuals then.
-  std::map<std::string, double> auto_scales_px;
-  std::map<std::string, double> auto_sigmas_px;
+  // Scale of the loss of each term where it was `auto`, after the last round, and the robust
+  // standard deviation of its residuals then; in the unit of the term: px, or the sine of an angle.
+  std::map<std::string, double> auto_scales;
+  std::map<std::string, double> auto_sigmas;
   int rounds = 0;  // of solving
   // What the gate found in its last round; empty if there was nothing to test or it was off.
   std::map<std::string, AssociationCount> associations;
@@ -47,8 +47,8 @@ BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& so
 std::vector<TermCost> EvaluateModel(const Reconstruction& model,
                                     std::span<const GroupMeasurement> measurements = {});
 
-// Standard deviation of the residuals of a term in px, from the median (so that outliers do not
-// count); of lines: of the distances of single end points. 0 without residuals.
-double RobustSigmaPx(const Problem& problem, const std::string& term);
+// Standard deviation of the residuals of a term in its unit, from the median (so that outliers do
+// not count); of lines: of the distances of single end points. 0 without residuals.
+double RobustSigma(const Problem& problem, const std::string& term);
 
 }  // namespace holba

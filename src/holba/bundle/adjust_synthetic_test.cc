@@ -293,7 +293,7 @@ TEST(Losses, OfEachKindReachAnOptimumOfTheirOwn) {
     options[TermFamily::kPoint].loss = choice;
     const BundleSummary summary = AdjustBundle(options, {}, &model);
     EXPECT_EQ(summary.solver.stop_reason, StopReason::kConverged);
-    EXPECT_TRUE(summary.auto_scales_px.empty());
+    EXPECT_TRUE(summary.auto_scales.empty());
     costs.insert(summary.solver.final_cost);
   }
   EXPECT_EQ(costs.size(), 4u);
@@ -308,10 +308,10 @@ TEST(Losses, AutoMeasureTheNoiseThatWasPutIn) {
     const BundleSummary summary = AdjustBundle(options, {}, &model);
     // Residuals are smaller than the noise: six observations and more carry three unknowns and a
     // part of a pose.
-    EXPECT_NEAR(summary.auto_sigmas_px.at("point"), 0.8 * noise_px, 0.15 * noise_px);
-    EXPECT_NEAR(summary.auto_scales_px.at("point"), 2.0 * summary.auto_sigmas_px.at("point"),
+    EXPECT_NEAR(summary.auto_sigmas.at("point"), 0.8 * noise_px, 0.15 * noise_px);
+    EXPECT_NEAR(summary.auto_scales.at("point"), 2.0 * summary.auto_sigmas.at("point"),
                 0.05 * noise_px);
-    EXPECT_TRUE(summary.auto_sigmas_px.contains("line"));
+    EXPECT_TRUE(summary.auto_sigmas.contains("line"));
   }
 }
 
@@ -324,7 +324,7 @@ TEST(Losses, AutoFollowTheirOptions) {
     options.auto_num_sigmas = num_sigmas;
     options.auto_min_scale_px = min_scale_px;
     const BundleSummary summary = AdjustBundle(options, {}, &model);
-    return std::pair(summary.auto_scales_px.at("point"), summary.auto_sigmas_px.at("point"));
+    return std::pair(summary.auto_scales.at("point"), summary.auto_sigmas.at("point"));
   };
   const auto [scale, sigma] = scale_of(4.0, 0.05);
   EXPECT_NEAR(scale, 4.0 * sigma, 0.1 * sigma);
@@ -339,10 +339,10 @@ TEST(Losses, AutoCanBeAskedForByEveryTermOfPixels) {
   const BundleSummary summary = AdjustBundle(options, {}, &model);
   for (const char* term :
        {"point", "line", "group_point", "group_line", "wireframe_point", "wireframe_line"}) {
-    ASSERT_TRUE(summary.auto_scales_px.contains(term)) << term;
-    EXPECT_GE(summary.auto_scales_px.at(term), options.auto_min_scale_px);
+    ASSERT_TRUE(summary.auto_scales.contains(term)) << term;
+    EXPECT_GE(summary.auto_scales.at(term), options.auto_min_scale_px);
   }
-  EXPECT_FALSE(summary.auto_scales_px.contains("vp"));
+  EXPECT_FALSE(summary.auto_scales.contains("vp"));
 }
 
 TEST(Measurements, OfAVanishingPointDetermineItWhereNothingElseDoes) {

@@ -84,7 +84,7 @@ double NoisePx(const Problem& problem, const std::string& term, double per_resid
     if (batch->term() == term) coordinates += per_residual * static_cast<double>(batch->size());
   }
   const double redundancy = std::max(coordinates - unknowns, 0.1 * coordinates);
-  return std::max(RobustSigmaPx(problem, term), 1e-6) *
+  return std::max(RobustSigma(problem, term), 1e-6) *
          std::sqrt(coordinates / std::max(redundancy, 1.0));
 }
 

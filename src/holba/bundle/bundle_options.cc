@@ -46,16 +46,19 @@ void BundleOptions::Describe(OptionTable* table) {
   for (const FamilyText& text : kFamilies) {
     TermSettings& settings = (*this)[text.family];
     const std::string name = text.name, what = text.what;
-    table->Choice(name + "_loss", &settings.loss,
-                  {{"default", std::nullopt},
-                   {"trivial", LossChoice::kTrivial},
-                   {"huber", LossChoice::kHuber},
-                   {"soft_l1", LossChoice::kSoftL1},
-                   {"cauchy", LossChoice::kCauchy},
-                   {"auto", LossChoice::kAuto}},
-                  "Robust loss of the residuals of " + what +
-                      "; auto: Cauchy at auto_num_sigmas measured standard deviations"
-                      "; default: auto for points and lines of models, trivial for BAL problems.");
+    std::vector<std::pair<std::string, std::optional<LossChoice>>> losses = {
+        {"trivial", LossChoice::kTrivial},
+        {"huber", LossChoice::kHuber},
+        {"soft_l1", LossChoice::kSoftL1},
+        {"cauchy", LossChoice::kCauchy},
+        {"auto", LossChoice::kAuto}};
+    std::string sentence = "Robust loss of the residuals of " + what +
+                           "; auto: Cauchy at auto_num_sigmas measured standard deviations";
+    if (!settings.loss) {
+      losses.insert(losses.begin(), {"default", std::nullopt});
+      sentence += "; default: auto, but trivial for BAL problems";
+    }
+    table->Choice(name + "_loss", &settings.loss, losses, sentence + ".");
     table->Field(
         name + "_loss_scale" + text.unit, &settings.loss_scale, GreaterThan(0),
         "Residual norm at which that loss departs from the square (auto measures its own).");

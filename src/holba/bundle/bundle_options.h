@@ -29,6 +29,11 @@ enum class LossChoice { kTrivial, kHuber, kSoftL1, kCauchy, kAuto };
 // Terms that share a weight and a loss.
 enum class TermFamily { kPoint, kLine, kGroup, kVp, kWireframe, kRelation, kMeasurement };
 inline constexpr int kNumTermFamilies = 7;
+// Residuals without unit (sines of angles, standard deviations) instead of pixels.
+constexpr bool IsAngular(TermFamily family) {
+  return family == TermFamily::kVp || family == TermFamily::kRelation ||
+         family == TermFamily::kMeasurement;
+}
 
 struct TermSettings {
   // Empty: auto for points and lines of models, trivial for BAL problems, Cauchy for the others.

@@ -141,8 +141,7 @@ class Builder {
           std::make_unique<KernelBatch<Kernel>>(term, Kernel::kDim, std::move(tangents), make());
       made->loss = ToLoss(options_[family]);
       made->weight = options_[family].weight;
-      made->angular = family == TermFamily::kVp || family == TermFamily::kRelation ||
-                      family == TermFamily::kMeasurement;
+      made->angular = IsAngular(family);
       batch = std::move(made);
     }
     return static_cast<KernelBatch<Kernel>&>(*batch);
