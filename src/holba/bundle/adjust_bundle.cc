@@ -34,16 +34,6 @@ double Median(std::vector<double>* values) {
   return *middle;
 }
 
-TermFamily FamilyOf(const std::string& term) {
-  if (term == "point") return TermFamily::kPoint;
-  if (term == "line") return TermFamily::kLine;
-  if (term.starts_with("group_point") || term.starts_with("group_line")) return TermFamily::kGroup;
-  if (term.starts_with("wireframe")) return TermFamily::kWireframe;
-  if (term == "vp") return TermFamily::kVp;
-  if (term == "relation") return TermFamily::kRelation;
-  return TermFamily::kMeasurement;
-}
-
 void Accumulate(const SolverSummary& round, SolverSummary* sum) {
   SolverSummary merged = round;
   merged.iterations += sum->iterations;
@@ -309,14 +299,13 @@ std::vector<TermCost> EvaluateModel(const Reconstruction& model,
   const BundleProblem bundle = BuildProblem(model, BundleOptions(), measurements);
   const std::vector<TermCost> found = EvaluateTerms(bundle.problem);
   std::vector<TermCost> terms;
-  for (const char* name : {"point", "line", "group_point", "group_line", "vp", "wireframe_point",
-                           "wireframe_line", "relation", "group_measurement"}) {
-    const auto it =
-        std::find_if(found.begin(), found.end(), [&](const TermCost& t) { return t.term == name; });
+  for (const Term& term : kTerms) {
+    const auto it = std::find_if(found.begin(), found.end(),
+                                 [&](const TermCost& t) { return t.term == term.name; });
     if (it != found.end()) {
       terms.push_back(*it);
-    } else if (std::string_view(name) != "group_measurement") {
-      terms.push_back({name});
+    } else if (term.in_format) {
+      terms.push_back({std::string(term.name)});
     }
   }
   return terms;

@@ -39,13 +39,18 @@ bool Contains(const std::vector<T>& list, const T& value) {
   return std::find(list.begin(), list.end(), value) != list.end();
 }
 
-// Adjusts points and lines, tests the associations once, and compares with the truth.
-Verdicts TestOn(const BundleProblemOptions& scene_options) {
-  SyntheticProblem scene = MakeBundleProblem(scene_options);
+BundleOptions PointLineOptions() {
   BundleOptions options;
   options.config = BundleConfig::kPointLine;
   options.SetDefaultLosses(false);
   options.refine_focal_length = false;
+  return options;
+}
+
+// Adjusts points and lines, tests the associations once, and compares with the truth.
+Verdicts TestOn(const BundleProblemOptions& scene_options) {
+  SyntheticProblem scene = MakeBundleProblem(scene_options);
+  BundleOptions options = PointLineOptions();
   options.refit_others = false;
   AdjustBundle(options, SolverOptions(), &scene.perturbed);
   options.fix_poses = true;
@@ -128,10 +133,7 @@ TEST(AssociationGate, RejectsWrongLinesOfVanishingPoints) {
   }
   const size_t num_wrong = group.line3D_ids.size() - num_right;
   ASSERT_GE(num_wrong, 2u);
-  BundleOptions options;
-  options.config = BundleConfig::kPointLine;
-  options.SetDefaultLosses(false);
-  options.refine_focal_length = false;
+  BundleOptions options = PointLineOptions();
   AdjustBundle(options, SolverOptions(), &scene.perturbed);
   const AssociationReport report =
       TestAssociations(scene.perturbed, BuildProblem(scene.perturbed, options));
@@ -155,10 +157,7 @@ TEST(AssociationGate, DropsAGroupWhoseMembersHaveNothingInCommon) {
   for (const auto& [point_id, point] : scene.perturbed.points3D) {
     if (k++ % 7 == 0) group.point3D_ids.push_back(point_id);
   }
-  BundleOptions options;
-  options.config = BundleConfig::kPointLine;
-  options.SetDefaultLosses(false);
-  options.refine_focal_length = false;
+  BundleOptions options = PointLineOptions();
   AdjustBundle(options, SolverOptions(), &scene.perturbed);
   const AssociationReport report =
       TestAssociations(scene.perturbed, BuildProblem(scene.perturbed, options));

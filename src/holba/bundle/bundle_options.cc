@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/bundle/bundle_options.h"
 
+#include "holba/base/check.h"
+
 namespace holba {
 namespace {
 
@@ -23,6 +25,13 @@ constexpr FamilyText kFamilies[] = {
 };
 
 }  // namespace
+
+TermFamily FamilyOf(std::string_view term) {
+  for (const Term& known : kTerms) {
+    if (known.name == term) return known.family;
+  }
+  FailCheck(__FILE__, __LINE__, "a term of the table", std::string(term));
+}
 
 void BundleOptions::SetDefaultLosses(bool is_bal) {
   for (TermFamily family : {TermFamily::kPoint, TermFamily::kLine}) {

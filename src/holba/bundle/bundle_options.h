@@ -29,6 +29,29 @@ enum class LossChoice { kTrivial, kHuber, kSoftL1, kCauchy, kAuto };
 // Terms that share a weight and a loss.
 enum class TermFamily { kPoint, kLine, kGroup, kVp, kWireframe, kRelation, kMeasurement };
 inline constexpr int kNumTermFamilies = 7;
+// The terms of FORMAT.md, in its order, then those beside it: measurements of groups and the 3D
+// forms.
+struct Term {
+  std::string_view name;
+  TermFamily family;
+  bool in_format;
+};
+inline constexpr Term kTerms[] = {
+    {"point", TermFamily::kPoint, true},
+    {"line", TermFamily::kLine, true},
+    {"group_point", TermFamily::kGroup, true},
+    {"group_line", TermFamily::kGroup, true},
+    {"vp", TermFamily::kVp, true},
+    {"wireframe_point", TermFamily::kWireframe, true},
+    {"wireframe_line", TermFamily::kWireframe, true},
+    {"relation", TermFamily::kRelation, true},
+    {"group_measurement", TermFamily::kMeasurement, false},
+    {"group_point_3d", TermFamily::kGroup, false},
+    {"group_line_3d", TermFamily::kGroup, false},
+    {"wireframe_3d", TermFamily::kWireframe, false},
+};
+// The name must be one of the table.
+TermFamily FamilyOf(std::string_view term);
 // Residuals without unit (sines of angles, standard deviations) instead of pixels.
 constexpr bool IsAngular(TermFamily family) {
   return family == TermFamily::kVp || family == TermFamily::kRelation ||

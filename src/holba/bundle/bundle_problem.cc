@@ -133,12 +133,13 @@ class Builder {
   // One batch for each (term, camera model, group type, whether observations move): its kernel is
   // made on first use.
   template <typename Kernel, typename MakeKernel>
-  KernelBatch<Kernel>& BatchOf(const char* term, TermFamily family, std::vector<int> tangents,
+  KernelBatch<Kernel>& BatchOf(std::string_view term, std::initializer_list<int> tangents,
                                std::tuple<int, int, int> key, const MakeKernel& make) {
+    const TermFamily family = FamilyOf(term);
     std::unique_ptr<ResidualBatch>& batch = batches_[{static_cast<int>(family), term, key}];
     if (!batch) {
-      auto made =
-          std::make_unique<KernelBatch<Kernel>>(term, Kernel::kDim, std::move(tangents), make());
+      auto made = std::make_unique<KernelBatch<Kernel>>(std::string(term), Kernel::kDim,
+                                                        std::vector<int>(tangents), make());
       made->loss = ToLoss(options_[family]);
       made->weight = options_[family].weight;
       made->angular = IsAngular(family);
@@ -164,9 +165,9 @@ class Builder {
       out_.points.emplace_back(id, block);
       for (const PointObservation& observation : point.track) {
         const ImageBlocks& image = images_.at(observation.image_id);
-        auto& batch = BatchOf<PointResidual>(
-            "point", TermFamily::kPoint, {3, 6, image.model->num_params}, {image.model->id, -1, 0},
-            [&] { return PointResidual{image.model}; });
+        auto& batch = BatchOf<PointResidual>("point", {3, 6, image.model->num_params},
+                                             {image.model->id, -1, 0},
+                                             [&] { return PointResidual{image.model}; });
         batch.Add(std::array{block, image.pose, image.camera},
                   {model_.images.at(observation.image_id).points2D[observation.point2D_idx].xy,
                    image.sensor});
@@ -210,7 +211,7 @@ class Builder {
       for (const LineObservation& observation : line.track) {
         const ImageBlocks& image = images_.at(observation.image_id);
         auto& batch =
-            BatchOf<LineResidual>("line", TermFamily::kLine, {4, 6, image.model->num_params},
+            BatchOf<LineResidual>("line", {4, 6, image.model->num_params},
                                   {image.model->id, -1, image.observations_move}, [&] {
                                     return LineResidual{{image.model, image.observations_move}};
                                   });
@@ -249,8 +250,8 @@ class Builder {
 
   void AddGroupPoint(const GroupType& type, BlockId group, point3D_t point_id) {
     if (options_.group_form == StructureForm::k3d) {
-      auto& batch = BatchOf<GroupPoint3dResidual>("group_point_3d", TermFamily::kGroup,
-                                                  {3, type.manifold->tangent}, {-1, type.code, 0},
+      auto& batch = BatchOf<GroupPoint3dResidual>("group_point_3d", {3, type.manifold->tangent},
+                                                  {-1, type.code, 0},
                                                   [&] { return GroupPoint3dResidual{&type}; });
       Use3dWeight(options_.group_3d_weight, &batch);
       batch.Add(std::array{points_.at(point_id), group}, {});
@@ -258,12 +259,11 @@ class Builder {
     }
     for (const PointObservation& observation : model_.points3D.at(point_id).track) {
       const ImageBlocks& image = images_.at(observation.image_id);
-      auto& batch =
-          BatchOf<GroupPointResidual>("group_point", TermFamily::kGroup,
-                                      {3, 6, image.model->num_params, type.manifold->tangent},
-                                      {image.model->id, type.code, 0}, [&] {
-                                        return GroupPointResidual{image.model, &type};
-                                      });
+      auto& batch = BatchOf<GroupPointResidual>(
+          "group_point", {3, 6, image.model->num_params, type.manifold->tangent},
+          {image.model->id, type.code, 0}, [&] {
+            return GroupPointResidual{image.model, &type};
+          });
       batch.Add(std::array{points_.at(point_id), image.pose, image.camera, group}, {image.sensor});
     }
   }
@@ -271,16 +271,16 @@ class Builder {
   void AddGroupLine(const GroupType& type, BlockId group, line3D_t line_id) {
     const BlockId line = lines_.at(line_id);
     if (type.IsParallelism()) {
-      auto& batch = BatchOf<VanishingPointResidual>("vp", TermFamily::kVp,
-                                                    {4, type.manifold->tangent}, {-1, type.code, 0},
-                                                    [&] { return VanishingPointResidual{&type}; });
+      auto& batch =
+          BatchOf<VanishingPointResidual>("vp", {4, type.manifold->tangent}, {-1, type.code, 0},
+                                          [&] { return VanishingPointResidual{&type}; });
       batch.Add(std::array{line, group}, {});
       return;
     }
     const Line3D& line3D = model_.lines3D.at(line_id);
     if (options_.group_form == StructureForm::k3d) {
-      auto& batch = BatchOf<GroupLine3dResidual>("group_line_3d", TermFamily::kGroup,
-                                                 {4, type.manifold->tangent}, {-1, type.code, 0},
+      auto& batch = BatchOf<GroupLine3dResidual>("group_line_3d", {4, type.manifold->tangent},
+                                                 {-1, type.code, 0},
                                                  [&] { return GroupLine3dResidual{&type}; });
       Use3dWeight(options_.group_3d_weight, &batch);
       const double* values = problem_.values(line);
@@ -291,7 +291,7 @@ class Builder {
     for (const LineObservation& observation : line3D.track) {
       const ImageBlocks& image = images_.at(observation.image_id);
       auto& batch = BatchOf<GroupLineResidual>(
-          "group_line", TermFamily::kGroup, {4, 6, image.model->num_params, type.manifold->tangent},
+          "group_line", {4, 6, image.model->num_params, type.manifold->tangent},
           {image.model->id, type.code, image.observations_move}, [&] {
             return GroupLineResidual{{image.model, image.observations_move}, &type};
           });
@@ -313,21 +313,15 @@ class Builder {
       const GroupType* a = model_.groups3D.at(relation.group3D_id1).type;
       const GroupType* b = model_.groups3D.at(relation.group3D_id2).type;
       const std::array blocks{groups_.at(relation.group3D_id1), groups_.at(relation.group3D_id2)};
-      const std::vector<int> tangents{a->manifold->tangent, b->manifold->tangent};
+      const std::initializer_list<int> tangents{a->manifold->tangent, b->manifold->tangent};
       if (relation.type == RelationType::kOrthogonal) {
-        BatchOf<OrthogonalResidual>("relation", TermFamily::kRelation, tangents,
-                                    {0, a->code, b->code},
-                                    [&] {
-                                      return OrthogonalResidual{{a, b}};
-                                    })
-            .Add(blocks, {});
+        BatchOf<OrthogonalResidual>("relation", tangents, {0, a->code, b->code}, [&] {
+          return OrthogonalResidual{{a, b}};
+        }).Add(blocks, {});
       } else {
-        BatchOf<ParallelResidual>("relation", TermFamily::kRelation, tangents,
-                                  {1, a->code, b->code},
-                                  [&] {
-                                    return ParallelResidual{{a, b}};
-                                  })
-            .Add(blocks, {});
+        BatchOf<ParallelResidual>("relation", tangents, {1, a->code, b->code}, [&] {
+          return ParallelResidual{{a, b}};
+        }).Add(blocks, {});
       }
     }
   }
@@ -337,8 +331,8 @@ class Builder {
       const ImageBlocks& image = images_.at(measurement.image_id);
       const GroupType* type = model_.groups3D.at(measurement.group3D_id).type;
       auto& batch = BatchOf<GroupMeasurementResidual>(
-          "group_measurement", TermFamily::kMeasurement, {type->manifold->tangent, 6},
-          {-1, type->code, 0}, [&] { return GroupMeasurementResidual{type}; });
+          "group_measurement", {type->manifold->tangent, 6}, {-1, type->code, 0},
+          [&] { return GroupMeasurementResidual{type}; });
       batch.Add(std::array{groups_.at(measurement.group3D_id), image.pose},
                 {measurement.direction_in_cam.normalized(), measurement.sigma_deg * M_PI / 180.0,
                  image.sensor});
@@ -350,9 +344,8 @@ class Builder {
       if (filter_.edges.contains({edge.point3D_id, edge.line3D_id})) continue;
       const BlockId point = points_.at(edge.point3D_id), line = lines_.at(edge.line3D_id);
       if (options_.wireframe_form == StructureForm::k3d) {
-        auto& batch =
-            BatchOf<Wireframe3dResidual>("wireframe_3d", TermFamily::kWireframe, {3, 4},
-                                         {-1, -1, 0}, [] { return Wireframe3dResidual{}; });
+        auto& batch = BatchOf<Wireframe3dResidual>("wireframe_3d", {3, 4}, {-1, -1, 0},
+                                                   [] { return Wireframe3dResidual{}; });
         Use3dWeight(options_.wireframe_3d_weight, &batch);
         batch.Add(std::array{point, line}, {});
         continue;
@@ -367,7 +360,7 @@ class Builder {
         if (observes(point_track, observation.image_id)) continue;
         const ImageBlocks& image = images_.at(observation.image_id);
         auto& batch = BatchOf<WireframePointResidual>(
-            "wireframe_point", TermFamily::kWireframe, {3, 6, image.model->num_params},
+            "wireframe_point", {3, 6, image.model->num_params},
             {image.model->id, -1, image.observations_move}, [&] {
               return WireframePointResidual{{image.model, image.observations_move}};
             });
@@ -377,7 +370,7 @@ class Builder {
         if (observes(line_track, observation.image_id)) continue;
         const ImageBlocks& image = images_.at(observation.image_id);
         auto& batch = BatchOf<WireframeLineResidual>(
-            "wireframe_line", TermFamily::kWireframe, {4, 6, image.model->num_params},
+            "wireframe_line", {4, 6, image.model->num_params},
             {image.model->id, -1, image.observations_move}, [&] {
               return WireframeLineResidual{{image.model, image.observations_move}};
             });
@@ -411,7 +404,7 @@ class Builder {
     if (farthest > 0.0) problem_.block(second).held |= uint32_t{1} << (3 + coordinate);
   }
 
-  using BatchKey = std::tuple<int, std::string, std::tuple<int, int, int>>;
+  using BatchKey = std::tuple<int, std::string_view, std::tuple<int, int, int>>;
 
   const Reconstruction& model_;
   const BundleOptions& options_;

@@ -69,27 +69,17 @@ void UpdateErrors(Reconstruction* model) {
       const Camera& camera = model->cameras.at(image.camera_id);
       const Rigid3d& pose = image.cam_from_world;
       const Eigen::Quaterniond q = pose.rotation.normalized();
-      const double values[7] = {q.x(),
-                                q.y(),
-                                q.z(),
-                                q.w(),
-                                pose.translation.x(),
-                                pose.translation.y(),
-                                pose.translation.z()};
-      LineInImage projected;
-      ProjectLine(nullptr, values, camera.model->ideal_calibration(camera.params.data()), pluecker,
-                  &projected);
+      const Eigen::Vector3d& t = pose.translation;
+      const double values[7] = {q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()};
+      const double* params = camera.params.data();
       const LineSegment2d& segment = image.lines2D[observation.line2D_idx].segment;
-      double squares = 0.0;
-      bool valid = true;
-      for (const Eigen::Vector2d& end : {segment.start, segment.end}) {
-        const auto ideal = IdealPixel(*camera.model, camera.params.data(), end);
-        Perpendicular rho;
-        valid = valid && ideal && rho.Set(projected.l, *ideal);
-        if (valid) squares += rho.value.squaredNorm();
-      }
-      if (!valid) continue;
-      sum += std::sqrt(0.5 * squares);
+      const auto start = IdealPixel(*camera.model, params, segment.start);
+      const auto end = IdealPixel(*camera.model, params, segment.end);
+      const Eigen::Vector3d l =
+          ProjectLine(nullptr, values, camera.model->ideal_calibration(params), pluecker);
+      Eigen::Vector4d rho;
+      if (!start || !end || !PerpendicularValues(l, *start, *end, &rho)) continue;
+      sum += std::sqrt(0.5) * rho.norm();
       ++count;
     }
     line.error = count ? sum / static_cast<double>(count) : -1.0;

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "holba/camera/camera_models.h"
+#include "holba/camera/snavely.h"
 
 namespace holba {
 namespace {
@@ -331,6 +332,35 @@ TEST(CameraModels, IdealPixelOfAPinholeIsThePixelItself) {
   EXPECT_EQ(*IdealPixel(*FindCameraModel("PINHOLE"), params, pixel), pixel);
   EXPECT_EQ(*IdealPixelWithJacobian(*FindCameraModel("PINHOLE"), params, pixel, d_params), pixel);
   EXPECT_THAT(d_params, ::testing::Each(0.0));
+}
+
+TEST(Snavely, SeesPointsBehindAsTheirReflections) {
+  const CameraModel& snavely = SnavelyCameraModel();
+  const CameraModel& radial = *FindCameraModel("RADIAL");
+  EXPECT_EQ(snavely.name, radial.name);
+  EXPECT_EQ(snavely.id, radial.id);
+  const double params[5] = {500, 0, 0, -0.1, 0.02};
+  const Eigen::Vector3d X(0.3, -0.2, 2.0);
+  Eigen::Vector2d in_front, behind, expected;
+  ASSERT_TRUE(radial.project(params, X, &expected));
+  ASSERT_FALSE(radial.project(params, -X, &behind));
+  ASSERT_TRUE(snavely.project(params, X, &in_front));
+  ASSERT_TRUE(snavely.project(params, -X, &behind));
+  EXPECT_EQ(in_front, expected);
+  EXPECT_EQ(behind, expected);
+
+  double d_point[6], d_params[10];
+  ASSERT_TRUE(snavely.project_with_jacobian(params, -X, &behind, d_point, d_params));
+  constexpr double kStep = 1e-6;
+  for (int c = 0; c < 3; ++c) {
+    const Eigen::Vector3d step = kStep * Eigen::Vector3d::Unit(c);
+    Eigen::Vector2d above, below;
+    ASSERT_TRUE(snavely.project(params, -X + step, &above));
+    ASSERT_TRUE(snavely.project(params, -X - step, &below));
+    for (int r = 0; r < 2; ++r) {
+      EXPECT_NEAR(d_point[3 * r + c], (above[r] - below[r]) / (2 * kStep), 1e-5);
+    }
+  }
 }
 
 }  // namespace
