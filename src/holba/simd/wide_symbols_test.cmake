@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# Fails if code compiled for wide registers could replace code of the rest of the program at link time: every symbol
+# that an object of vec256 or vec512 (targets.h) offers to the linker must stand in the target's namespace or have the
+# target's pack in its name. Arguments: NM, FOLDER (searched for objects).
+set(pack_vec256 "__vector(4)")
+set(pack_vec512 "__vector(8)")
+set(checked 0)
+set(leaks "")
+foreach(target vec256 vec512)
+  file(GLOB_RECURSE objects ${FOLDER}/*_${target}.cc.o)
+  foreach(object ${objects})
+    execute_process(COMMAND ${NM} -C --defined-only --extern-only ${object}
+                    OUTPUT_VARIABLE symbols RESULT_VARIABLE failed)
+    if(failed)
+      message(FATAL_ERROR "${NM} cannot read ${object}")
+    endif()
+    # Names hold semicolons and brackets, which lists of CMake do not.
+    string(REGEX REPLACE "[][;]" "_" symbols "${symbols}")
+    string(REPLACE "\n" ";" symbols "${symbols}")
+    foreach(symbol ${symbols})
+      math(EXPR checked "${checked} + 1")
+      string(FIND "${symbol}" "::${target}::" in_namespace)
+      string(FIND "${symbol}" "${pack_${target}}" with_pack)
+      if(in_namespace EQUAL -1 AND with_pack EQUAL -1)
+        string(APPEND leaks "\n${object}: ${symbol}")
+      endif()
+    endforeach()
+  endforeach()
+endforeach()
+if(checked EQUAL 0)
+  message(FATAL_ERROR "no object of vec256 or vec512 under ${FOLDER}")
+endif()
+if(leaks)
+  message(FATAL_ERROR "Outside the namespace of their target:${leaks}")
+endif()
+message("${checked} symbols checked")
