@@ -2,6 +2,7 @@
 #include "holba/camera/camera_model.h"
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
@@ -33,7 +34,10 @@ constexpr CameraModel Describe() {
 
 template <typename... Models>
 constexpr std::array<CameraModel, sizeof...(Models)> DescribeAll(CameraModelList<Models...>) {
-  return {Describe<Models>()...};
+  std::array<CameraModel, sizeof...(Models)> models{Describe<Models>()...};
+  std::sort(models.begin(), models.end(),
+            [](const CameraModel& a, const CameraModel& b) { return a.id < b.id; });
+  return models;
 }
 
 constexpr auto kModels = DescribeAll(CameraModels());

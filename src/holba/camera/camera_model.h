@@ -20,7 +20,8 @@
 //                                                   const Eigen::Vector2d& pixel);
 //   static constexpr bool kIsPinhole;                  // pixels are ideal pixels
 //   static IdealCalibration Calibration(const double* params);
-// and one line in the list of camera_models.h. A model is perspective-like if straight lines stay
+// and one line in the list of camera_models.h or, for one whose formulas are templates on packs,
+// too, of vectorised_models.h. A model is perspective-like if straight lines stay
 // straight in its ideal pixels (K applied to (x/z, y/z)); every model offers that K from its
 // parameters.
 #pragma once

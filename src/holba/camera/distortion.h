@@ -4,9 +4,10 @@
 //   // False: the point has no image.
 //   template <typename T>
 //   static bool Distort(const T* k, const T& u, const T& v, T* ud, T* vd);
-//   // The same with derivatives, written by hand.
-//   static bool DistortWithJacobian(const double* k, double u, double v, Distorted<kNumParams>*
-//   out);
+//   // The same with derivatives, written by hand. Of the cameras in vectorised_models.h a template
+//   // on the scalar, which is also a pack (simd/pack.h), otherwise bool on double:
+//   template <typename T>
+//   static MaskOf<T> DistortWithJacobian(const T* k, T u, T v, Distorted<kNumParams, T>* out);
 //   // Optional, where a closed form exists (otherwise undistortion.h inverts it): the inverse.
 //   static std::optional<Eigen::Vector2d> Undistort(const double* k, const Eigen::Vector2d&
 //   distorted);
@@ -14,19 +15,19 @@
 // focal lengths; formulas are COLMAP's.
 #pragma once
 
-#include <Eigen/Core>
+#include "holba/simd/lanes.h"
 
 namespace holba {
 
 // A distorted point with d(ud, vd)/d(u, v), row-major 2 x 2, and d(ud, vd)/d(k), row-major 2 x N.
-template <int N>
+template <int N, typename T = double>
 struct Distorted {
-  double u, v;
-  double d_uv[4];
-  double d_k[N > 0 ? 2 * N : 1];
+  T u, v;
+  T d_uv[4];
+  T d_k[N > 0 ? 2 * N : 1];
 
   // Column i of d_k.
-  void SetParam(int i, double du, double dv) {
+  HOLBA_SIMD_INLINE void SetParam(int i, T du, T dv) {
     d_k[i] = du;
     d_k[N + i] = dv;
   }
@@ -34,24 +35,24 @@ struct Distorted {
 
 // Sum over i = 1..N of k[(i - 1)] s^i, without the constant 1.
 template <int N, typename T>
-T RadialPolynomial(const T* k, const T& s) {
-  T sum(0.0);
+HOLBA_SIMD_INLINE T RadialPolynomial(const T* k, const T& s) {
+  T sum{};
   for (int i = N - 1; i >= 0; --i) sum = (sum + k[i]) * s;
   return sum;
 }
 
 // Its derivative by s.
-template <int N>
-double RadialPolynomialDerivative(const double* k, double s) {
-  double sum = 0.0;
-  for (int i = N - 1; i >= 0; --i) sum = sum * s + (i + 1) * k[i];
+template <int N, typename T>
+HOLBA_SIMD_INLINE T RadialPolynomialDerivative(const T* k, const T& s) {
+  T sum{};
+  for (int i = N - 1; i >= 0; --i) sum = sum * s + static_cast<double>(i + 1) * k[i];
   return sum;
 }
 
 // (u, v) * factor(s), s = u^2 + v^2, d_factor = factor'(s).
-template <int N>
-void SetRadial(double u, double v, double factor, double d_factor, Distorted<N>* out) {
-  const double cross = 2.0 * d_factor * u * v;
+template <int N, typename T>
+HOLBA_SIMD_INLINE void SetRadial(T u, T v, T factor, T d_factor, Distorted<N, T>* out) {
+  const T cross = 2.0 * d_factor * u * v;
   out->u = factor * u;
   out->v = factor * v;
   out->d_uv[0] = factor + 2.0 * d_factor * u * u;
@@ -62,19 +63,19 @@ void SetRadial(double u, double v, double factor, double d_factor, Distorted<N>*
 
 // Decentring (Brown 1966): + (2 a u v + b (s + 2 u^2), 2 b u v + a (s + 2 v^2)), s = u^2 + v^2.
 template <typename T>
-void AddTangential(const T& a, const T& b, const T& u, const T& v, T* ud, T* vd) {
+HOLBA_SIMD_INLINE void AddTangential(const T& a, const T& b, const T& u, const T& v, T* ud, T* vd) {
   const T uu = u * u, vv = v * v, uv2 = 2.0 * u * v;
   *ud += a * uv2 + b * (3.0 * uu + vv);
   *vd += b * uv2 + a * (uu + 3.0 * vv);
 }
 
 // The same on a point with derivatives; a_idx, b_idx: the places of a and b among the parameters.
-template <int N>
-void AddTangential(double a, double b, int a_idx, int b_idx, double u, double v,
-                   Distorted<N>* out) {
-  const double uu = u * u, vv = v * v, uv2 = 2.0 * u * v;
-  const double along_u = 3.0 * uu + vv, along_v = uu + 3.0 * vv;
-  const double cross = 2.0 * (a * u + b * v);
+template <int N, typename T>
+HOLBA_SIMD_INLINE void AddTangential(T a, T b, int a_idx, int b_idx, T u, T v,
+                                     Distorted<N, T>* out) {
+  const T uu = u * u, vv = v * v, uv2 = 2.0 * u * v;
+  const T along_u = 3.0 * uu + vv, along_v = uu + 3.0 * vv;
+  const T cross = 2.0 * (a * u + b * v);
   out->u += a * uv2 + b * along_u;
   out->v += b * uv2 + a * along_v;
   out->d_uv[0] += 2.0 * a * v + 6.0 * b * u;
@@ -91,7 +92,7 @@ struct RadialDistortion {
   static constexpr int kNumParams = N;
 
   template <typename T>
-  static bool Distort(const T* k, const T& u, const T& v, T* ud, T* vd) {
+  static HOLBA_SIMD_INLINE bool Distort(const T* k, const T& u, const T& v, T* ud, T* vd) {
     if constexpr (N == 0) {
       *ud = u;
       *vd = v;
@@ -103,12 +104,14 @@ struct RadialDistortion {
     return true;
   }
 
-  static bool DistortWithJacobian(const double* k, double u, double v, Distorted<N>* out) {
-    const double s = u * u + v * v;
+  template <typename T>
+  static HOLBA_SIMD_INLINE MaskOf<T> DistortWithJacobian(const T* k, T u, T v,
+                                                         Distorted<N, T>* out) {
+    const T s = u * u + v * v;
     SetRadial(u, v, 1.0 + RadialPolynomial<N>(k, s), RadialPolynomialDerivative<N>(k, s), out);
-    double power = s;
+    T power = s;
     for (int i = 0; i < N; ++i, power *= s) out->SetParam(i, u * power, v * power);
-    return true;
+    return AllTrue<T>();
   }
 };
 

@@ -16,7 +16,7 @@ struct RationalDistortion {
   static constexpr int kNumParams = 8;
 
   template <typename T>
-  static bool Distort(const T* k, const T& u, const T& v, T* ud, T* vd) {
+  static HOLBA_SIMD_INLINE bool Distort(const T* k, const T& u, const T& v, T* ud, T* vd) {
     const T s = u * u + v * v;
     const T above[3] = {k[0], k[1], k[4]};
     const T factor = (1.0 + RadialPolynomial<3>(above, s)) / (1.0 + RadialPolynomial<3>(k + 5, s));
@@ -26,24 +26,26 @@ struct RationalDistortion {
     return true;
   }
 
-  static bool DistortWithJacobian(const double* k, double u, double v, Distorted<8>* out) {
-    const double s = u * u + v * v;
-    const double above[3] = {k[0], k[1], k[4]};
-    const double* below = k + 5;
-    const double inverse = 1.0 / (1.0 + RadialPolynomial<3>(below, s));
-    const double factor = (1.0 + RadialPolynomial<3>(above, s)) * inverse;
-    const double d_factor = (RadialPolynomialDerivative<3>(above, s) -
-                             factor * RadialPolynomialDerivative<3>(below, s)) *
-                            inverse;
+  template <typename T>
+  static HOLBA_SIMD_INLINE MaskOf<T> DistortWithJacobian(const T* k, T u, T v,
+                                                         Distorted<8, T>* out) {
+    const T s = u * u + v * v;
+    const T above[3] = {k[0], k[1], k[4]};
+    const T* below = k + 5;
+    const T inverse = 1.0 / (1.0 + RadialPolynomial<3>(below, s));
+    const T factor = (1.0 + RadialPolynomial<3>(above, s)) * inverse;
+    const T d_factor = (RadialPolynomialDerivative<3>(above, s) -
+                        factor * RadialPolynomialDerivative<3>(below, s)) *
+                       inverse;
     SetRadial(u, v, factor, d_factor, out);
     AddTangential(k[2], k[3], 2, 3, u, v, out);
     constexpr int kAbove[3] = {0, 1, 4};
-    double power = s * inverse;
+    T power = s * inverse;
     for (int i = 0; i < 3; ++i, power *= s) {
       out->SetParam(kAbove[i], u * power, v * power);
       out->SetParam(5 + i, -factor * u * power, -factor * v * power);
     }
-    return true;
+    return AllTrue<T>();
   }
 };
 

@@ -6,10 +6,36 @@
 // degrees or more has no ray.
 #pragma once
 
+#include "holba/camera/lens_formulas.h"
+
+namespace holba {
+
+// Where the lens acts. kNormalised: (x, y) / z. kEquidistant: the same direction at distance theta
+// from the centre, theta the angle from the axis in radians (fisheye).
+enum class LensPlane { kNormalised, kEquidistant };
+
+template <int kNumFocals, LensPlane kPlane, typename Lens>
+struct LensCamera;
+
+template <int kNumFocals, typename Lens>
+using PerspectiveCamera = LensCamera<kNumFocals, LensPlane::kNormalised, Lens>;
+template <int kNumFocals, typename Lens>
+using FisheyeCamera = LensCamera<kNumFocals, LensPlane::kEquidistant, Lens>;
+
+}  // namespace holba
+
+#ifdef HOLBA_SIMD_TARGET  // Such files know the formulas alone (simd/targets.h).
+
+template <int kNumFocals, holba::LensPlane kPlane, typename Lens>
+struct holba::LensCamera : LensFormulas<kNumFocals, Lens> {
+  static_assert(kPlane == LensPlane::kNormalised);
+};
+
+#else
+
 #include <Eigen/Core>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "holba/camera/camera_model.h"
@@ -19,12 +45,6 @@
 #include "holba/geometry/types.h"
 
 namespace holba {
-
-// Where the lens acts. kNormalised: (x, y) / z. kEquidistant: the same direction at distance theta
-// from the centre, theta the angle from the axis in radians (fisheye).
-enum class LensPlane { kNormalised, kEquidistant };
-
-inline constexpr double kMinDepth = std::numeric_limits<double>::epsilon();
 
 // first, first + 1, ...
 template <int N>
@@ -59,17 +79,15 @@ inline double AtanRatioDerivative(double s, double ratio) {
 }
 
 template <int kNumFocals, LensPlane kPlane, typename Lens>
-struct LensCamera {
-  static_assert(kNumFocals == 1 || kNumFocals == 2);
-  static constexpr int kNumParams = kNumFocals + 2 + Lens::kNumParams;
+struct LensCamera : LensFormulas<kNumFocals, Lens> {
+  using Formulas = LensFormulas<kNumFocals, Lens>;
+  using Formulas::kNumParams, Formulas::kFx, Formulas::kFy, Formulas::kCx, Formulas::kCy,
+      Formulas::kLens;
   static_assert(kNumParams <= kMaxCameraParams);
   static constexpr auto kFocalIdxs = IndexRange<kNumFocals>(0);
   static constexpr auto kPrincipalPointIdxs = IndexRange<2>(kNumFocals);
   static constexpr auto kExtraIdxs = IndexRange<Lens::kNumParams>(kNumFocals + 2);
   static constexpr bool kIsPinhole = kPlane == LensPlane::kNormalised && Lens::kNumParams == 0;
-
-  static constexpr int kFx = 0, kFy = kNumFocals - 1, kCx = kNumFocals, kCy = kNumFocals + 1;
-  static constexpr int kLens = kNumFocals + 2;
 
   static IdealCalibration Calibration(const double* params) {
     return {params[kFx], params[kFy], params[kCx], params[kCy], kFx, kFy, kCx, kCy};
@@ -96,66 +114,26 @@ struct LensCamera {
   static bool ProjectWithJacobian(const double* params, const Eigen::Vector3d& point_in_cam,
                                   Eigen::Vector2d* pixel, double* d_point, double* d_params) {
     if (!(point_in_cam.z() >= kMinDepth)) return false;
-    const double inverse_z = 1.0 / point_in_cam.z();
-    const double un = point_in_cam.x() * inverse_z, vn = point_in_cam.y() * inverse_z;
-    const double fx = params[kFx], fy = params[kFy];
-    // d(distorted)/d(normalised).
-    double j00, j01, j10, j11;
-    Distorted<Lens::kNumParams> at;
-    if constexpr (kIsPinhole) {
-      at.u = un;
-      at.v = vn;
-      j00 = j11 = 1.0;
-      j01 = j10 = 0.0;
-    } else if constexpr (kPlane == LensPlane::kNormalised) {
-      if (!Lens::DistortWithJacobian(params + kLens, un, vn, &at)) return false;
-      j00 = at.d_uv[0], j01 = at.d_uv[1], j10 = at.d_uv[2], j11 = at.d_uv[3];
+    if constexpr (kPlane == LensPlane::kNormalised) {
+      return Formulas::ProjectNormalised(params, point_in_cam.data(), pixel->data(), d_point,
+                                         d_params);
     } else {
+      const double inverse_z = 1.0 / point_in_cam.z();
+      const double un = point_in_cam.x() * inverse_z, vn = point_in_cam.y() * inverse_z;
       const double s = un * un + vn * vn;
       const double ratio = AtanRatio(s);
       const double slope = 2.0 * AtanRatioDerivative(s, ratio);
       const double e00 = ratio + slope * un * un, e01 = slope * un * vn;
       const double e11 = ratio + slope * vn * vn;
+      Distorted<Lens::kNumParams> at;
       if (!Lens::DistortWithJacobian(params + kLens, un * ratio, vn * ratio, &at)) return false;
-      j00 = at.d_uv[0] * e00 + at.d_uv[1] * e01;
-      j01 = at.d_uv[0] * e01 + at.d_uv[1] * e11;
-      j10 = at.d_uv[2] * e00 + at.d_uv[3] * e01;
-      j11 = at.d_uv[2] * e01 + at.d_uv[3] * e11;
+      const double by_normalised[4] = {
+          at.d_uv[0] * e00 + at.d_uv[1] * e01, at.d_uv[0] * e01 + at.d_uv[1] * e11,
+          at.d_uv[2] * e00 + at.d_uv[3] * e01, at.d_uv[2] * e01 + at.d_uv[3] * e11};
+      Formulas::ToPixel(params, inverse_z, un, vn, at, by_normalised, pixel->data(), d_point,
+                        d_params);
+      return std::isfinite(pixel->x()) && std::isfinite(pixel->y());
     }
-    pixel->x() = fx * at.u + params[kCx];
-    pixel->y() = fy * at.v + params[kCy];
-    if (!std::isfinite(pixel->x()) || !std::isfinite(pixel->y())) return false;
-    if (d_point != nullptr) {
-      const double gx = fx * inverse_z, gy = fy * inverse_z;
-      if constexpr (kIsPinhole) {
-        d_point[0] = gx;
-        d_point[1] = 0.0;
-        d_point[2] = -gx * un;
-        d_point[3] = 0.0;
-        d_point[4] = gy;
-        d_point[5] = -gy * vn;
-      } else {
-        d_point[0] = gx * j00;
-        d_point[1] = gx * j01;
-        d_point[2] = -gx * (j00 * un + j01 * vn);
-        d_point[3] = gy * j10;
-        d_point[4] = gy * j11;
-        d_point[5] = -gy * (j10 * un + j11 * vn);
-      }
-    }
-    if (d_params != nullptr) {
-      double *row_x = d_params, *row_y = d_params + kNumParams;
-      if constexpr (kNumFocals == 2) row_x[kFy] = row_y[kFx] = 0.0;
-      row_x[kFx] = at.u;
-      row_y[kFy] = at.v;
-      row_x[kCx] = row_y[kCy] = 1.0;
-      row_x[kCy] = row_y[kCx] = 0.0;
-      for (int i = 0; i < Lens::kNumParams; ++i) {
-        row_x[kLens + i] = fx * at.d_k[i];
-        row_y[kLens + i] = fy * at.d_k[Lens::kNumParams + i];
-      }
-    }
-    return true;
   }
 
   static std::optional<Eigen::Vector3d> Unproject(const double* params,
@@ -176,9 +154,6 @@ struct LensCamera {
   }
 };
 
-template <int kNumFocals, typename Lens>
-using PerspectiveCamera = LensCamera<kNumFocals, LensPlane::kNormalised, Lens>;
-template <int kNumFocals, typename Lens>
-using FisheyeCamera = LensCamera<kNumFocals, LensPlane::kEquidistant, Lens>;
-
 }  // namespace holba
+
+#endif  // HOLBA_SIMD_TARGET

@@ -15,19 +15,21 @@ struct BrownDistortion {
   static constexpr int kNumParams = 4;
 
   template <typename T>
-  static bool Distort(const T* k, const T& u, const T& v, T* ud, T* vd) {
+  static HOLBA_SIMD_INLINE bool Distort(const T* k, const T& u, const T& v, T* ud, T* vd) {
     RadialDistortion<2>::Distort(k, u, v, ud, vd);
     AddTangential(k[2], k[3], u, v, ud, vd);
     return true;
   }
 
-  static bool DistortWithJacobian(const double* k, double u, double v, Distorted<4>* out) {
-    const double s = u * u + v * v;
+  template <typename T>
+  static HOLBA_SIMD_INLINE MaskOf<T> DistortWithJacobian(const T* k, T u, T v,
+                                                         Distorted<4, T>* out) {
+    const T s = u * u + v * v;
     SetRadial(u, v, 1.0 + RadialPolynomial<2>(k, s), RadialPolynomialDerivative<2>(k, s), out);
     AddTangential(k[2], k[3], 2, 3, u, v, out);
     out->SetParam(0, u * s, v * s);
     out->SetParam(1, u * s * s, v * s * s);
-    return true;
+    return AllTrue<T>();
   }
 };
 

@@ -168,6 +168,15 @@ std::vector<double> ResidualNorms(const Problem& problem, std::string_view term,
   return norms;
 }
 
+size_t NumKeptUnknowns(const Problem& problem) {
+  size_t size = 0;
+  for (BlockId id = 0; id < problem.num_blocks(); ++id) {
+    const ParameterBlock& block = problem.block(id);
+    if (block.role == BlockRole::kKept) size += block.FreeTangent();
+  }
+  return size;
+}
+
 ReducedSystem AnalyseReducedSystem(const Problem& problem) {
   constexpr uint32_t kNone = ~uint32_t{0};
   ReducedSystem system;

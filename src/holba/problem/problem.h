@@ -75,6 +75,9 @@ std::vector<TermCost> EvaluateTerms(const Problem& problem);
 // instead.
 std::vector<double> ResidualNorms(const Problem& problem, std::string_view term, bool components);
 
+// Free tangent coordinates of all kept blocks.
+size_t NumKeptUnknowns(const Problem& problem);
+
 // Structure of the reduced system, what is left when the features are eliminated.
 struct ReducedSystem {
   size_t size = 0;       // scalar unknowns

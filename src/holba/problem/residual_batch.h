@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "holba/problem/loss.h"
+#include "holba/problem/vector_work.h"
 
 namespace holba {
 
@@ -32,6 +33,9 @@ class ParameterReader {
   const double* At(int slot, BlockId block) const {
     return slots_ ? slots_[slot] : state_ + offsets_[block];
   }
+  // Null for a range of one.
+  const double* state() const { return state_; }
+  const size_t* offsets() const { return offsets_; }
 
  private:
   const double* state_ = nullptr;
@@ -39,8 +43,23 @@ class ParameterReader {
   const double* const* slots_ = nullptr;
 };
 
+// Residuals of a batch: begin, begin + 1, ... or, where a list is given, those of the list.
+struct ResidualRange {
+  size_t begin = 0;
+  size_t count = 0;
+  const uint32_t* list = nullptr;
+
+  size_t operator[](size_t j) const { return list ? list[j] : begin + j; }
+};
+
+// Residuals evaluated side by side: panels whose stride is a multiple of this may be evaluated in
+// vectors.
+inline constexpr size_t kPanelLanes = 8;
+
 // Entry k of the j-th residual of the range stands at [k * stride + j]; Jacobians are with respect
-// to the tangent of the block's manifold, row-major (entry row * tangent + column).
+// to the tangent of the block's manifold, row-major (entry row * tangent + column). If the stride
+// is a multiple of kPanelLanes, entries from the count of the range up to the next multiple of
+// kPanelLanes hold anything afterwards.
 struct ResidualPanel {
   size_t stride = 1;
   double* residuals = nullptr;
@@ -65,8 +84,12 @@ class ResidualBatch {
   BlockId block(size_t i, int slot) const { return blocks_[i * tangents_.size() + slot]; }
   std::span<const BlockId> blocks() const { return blocks_; }
 
-  virtual void Evaluate(size_t begin, size_t end, const ParameterReader& parameters,
-                        const ResidualPanel& panel) const = 0;
+  virtual void EvaluateRange(const ResidualRange& range, const ParameterReader& parameters,
+                             const ResidualPanel& panel) const = 0;
+  void Evaluate(size_t begin, size_t end, const ParameterReader& parameters,
+                const ResidualPanel& panel) const {
+    EvaluateRange({begin, end - begin}, parameters, panel);
+  }
 
   Loss loss;
   double weight = 1.0;
@@ -87,7 +110,9 @@ class ResidualBatch {
 
 // A batch of a kernel: one residual is kernel.Evaluate(datum, parameters of its slots, residual,
 // Jacobians), returning whether it is present. Jacobians: row-major dim x tangent, null where not
-// wanted.
+// wanted. A kernel may also have
+//   bool EvaluateVectorised(const VectorWork& work) const;  // false: not here, nothing was done
+// which does the same for a range in packs.
 template <typename Kernel>
 class KernelBatch final : public ResidualBatch {
  public:
@@ -102,13 +127,33 @@ class KernelBatch final : public ResidualBatch {
   }
   const Kernel& kernel() const { return kernel_; }
 
-  void Evaluate(size_t begin, size_t end, const ParameterReader& parameters,
-                const ResidualPanel& panel) const override {
+  void EvaluateRange(const ResidualRange& range, const ParameterReader& parameters,
+                     const ResidualPanel& panel) const override {
+    if constexpr (requires(const VectorWork& work) { kernel_.EvaluateVectorised(work); }) {
+      if (range.count == 0) return;
+      if (parameters.state() != nullptr && panel.stride % kPanelLanes == 0) {
+        const VectorWork work{
+            parameters.state(),
+            parameters.offsets(),
+            blocks().data(),
+            num_slots(),
+            data_.data(),
+            sizeof(Datum),
+            range.begin,
+            range.count,
+            range.list,
+            panel.stride,
+            panel.residuals,
+            {panel.jacobians[0], panel.jacobians[1], panel.jacobians[2], panel.jacobians[3]},
+            panel.present};
+        if (kernel_.EvaluateVectorised(work)) return;
+      }
+    }
     double residual[kMaxResidualDim];
     double storage[kMaxSlots][kMaxResidualDim * kMaxTangent];
     const int slots = num_slots();
-    for (size_t i = begin; i < end; ++i) {
-      const size_t j = i - begin;
+    for (size_t j = 0; j < range.count; ++j) {
+      const size_t i = range[j];
       const double* values[kMaxSlots] = {};
       double* jacobians[kMaxSlots] = {};
       const bool direct =

@@ -4,6 +4,7 @@
 // image.
 #pragma once
 
+#include "holba/problem/vector_work.h"
 #include "holba/residual/group_tangent.h"
 #include "holba/residual/view.h"
 
@@ -54,6 +55,9 @@ struct GroupPointResidual {
     }
     return true;
   }
+
+  // In packs (vectorised.h); false: not this one, nothing was done.
+  bool EvaluateVectorised(const VectorWork& work) const;
 };
 
 }  // namespace holba

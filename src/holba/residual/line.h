@@ -4,6 +4,7 @@
 // Absent: an end point has no ideal pixel; the projected line has no direction.
 #pragma once
 
+#include "holba/problem/vector_work.h"
 #include "holba/residual/view.h"
 
 namespace holba {
@@ -20,50 +21,49 @@ struct LineResidual {
 
   bool Evaluate(const Datum& datum, const double* const* values, double* residual,
                 double* const* jacobians) const {
-    if (!AnyWanted(jacobians, 3)) {
-      Eigen::Vector2d start, end;
-      Eigen::Vector4d rho;
-      if (!camera.Locate(datum.start, values[2], &start, nullptr) ||
-          !camera.Locate(datum.end, values[2], &end, nullptr) ||
-          !PerpendicularValues(
-              ProjectLine(datum.sensor, values[1], camera.model->ideal_calibration(values[2]),
-                          LineOf(values[0])),
-              start, end, &rho)) {
-        return false;
-      }
-      Eigen::Map<Eigen::Vector4d>{residual} = rho;
-      return true;
-    }
-    const LineBlock block(values[0]);
-    const IdealCalibration k = camera.model->ideal_calibration(values[2]);
-    LineInImage image;
-    ProjectLine(datum.sensor, values[1], k, block.line, &image);
+    return datum.sensor ? EvaluateIn<true>(datum, values, residual, jacobians)
+                        : EvaluateIn<false>(datum, values, residual, jacobians);
+  }
+
+  // In packs (vectorised.h); false: not this one, nothing was done.
+  bool EvaluateVectorised(const VectorWork& work) const;
+
+ private:
+  template <bool kSensor>
+  bool EvaluateIn(const Datum& datum, const double* const* values, double* residual,
+                  double* const* jacobians) const {
+    const bool wanted = AnyWanted(jacobians, 3);
+    const IdealCalibration calibration = camera.model->ideal_calibration(values[2]);
+    const CalibrationFormulas<double> k = FormulasOf(calibration);
+    const auto view = ViewOf<kSensor>(datum.sensor, values[1]);
+    LineFormulas<double> line;
+    line.Set(values[0]);
+    LineInView<double, kSensor> image;
+    image.Set(k, view, line.d, line.m);
+    if (!HasDirectionInImage(image.l)) return false;
+    if (wanted) line.SetBasis();
     const int num_params = camera.model->num_params;
     const IdealObservation* ends[2] = {&datum.start, &datum.end};
     for (int e = 0; e < 2; ++e) {
       Eigen::Vector2d x;
       double d_params[2 * kMaxCameraParams];
       if (!camera.Locate(*ends[e], values[2], &x, jacobians[2] ? d_params : nullptr)) return false;
-      Perpendicular rho;
-      if (!rho.Set(image.l, x)) return false;
-      Eigen::Map<Eigen::Vector2d>{residual + 2 * e} = rho.value;
-      if (jacobians[0]) {
-        Eigen::Map<RowMajor<2, 4>>{jacobians[0] + 8 * e} =
-            rho.d_line * image.d_line * block.d_tangent;
-      }
-      if (jacobians[1])
-        Eigen::Map<RowMajor<2, 6>>{jacobians[1] + 12 * e} = rho.d_line * image.d_pose;
-      if (jacobians[2]) {
-        double* J = jacobians[2] + 2 * num_params * e;
-        std::fill_n(J, 2 * num_params, 0.0);
-        AddCalibrationColumns<2>(k, rho.d_line * image.d_calibration, num_params, J);
+      PerpendicularFormulas<double> rho;
+      rho.Set(image.l, x.data(), wanted);
+      std::copy_n(rho.value, 2, residual + 2 * e);
+      if (!wanted) continue;
+      for (int row = 2 * e; row < 2 * e + 2; ++row) {
+        const double* by_l = rho.by_l + 3 * (row - 2 * e);
+        double by_d[3], by_m[3], by_pose[6], by_calibration[4];
+        image.Pull(k, view, by_l, by_d, by_m, by_pose, by_calibration);
+        if (jacobians[0]) line.Pull(by_d, by_m, jacobians[0] + 4 * row);
+        if (jacobians[1]) std::copy_n(by_pose, 6, jacobians[1] + 6 * row);
+        if (!jacobians[2]) continue;
+        double* J = jacobians[2] + num_params * row;
+        WriteCalibrationRow(calibration, by_calibration, num_params, J);
         if (camera.observations_move) {
-          for (int c = 0; c < num_params; ++c) {
-            const Eigen::Vector2d d =
-                rho.d_point * Eigen::Vector2d(d_params[c], d_params[num_params + c]);
-            J[c] += d.x();
-            J[num_params + c] += d.y();
-          }
+          const double by_point[2] = {by_l[2] * image.l[0], by_l[2] * image.l[1]};
+          AddMove(by_point, d_params, num_params, J);
         }
       }
     }

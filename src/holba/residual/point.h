@@ -3,6 +3,7 @@
 // intrinsics. Absent: the point has no image (behind the camera).
 #pragma once
 
+#include "holba/problem/vector_work.h"
 #include "holba/residual/view.h"
 
 namespace holba {
@@ -32,6 +33,9 @@ struct PointResidual {
     if (jacobians[2]) std::copy_n(image.d_params, 2 * model->num_params, jacobians[2]);
     return true;
   }
+
+  // In packs (vectorised.h); false: not this one, nothing was done.
+  bool EvaluateVectorised(const VectorWork& work) const;
 };
 
 }  // namespace holba

@@ -4,6 +4,7 @@
 // group. Always present.
 #pragma once
 
+#include "holba/problem/vector_work.h"
 #include "holba/residual/group_direction.h"
 
 namespace holba {
@@ -26,6 +27,9 @@ struct VanishingPointResidual {
     if (jacobians[1]) internal::WriteJacobian((CrossMatrix(d) * v.d_tangent).eval(), jacobians[1]);
     return true;
   }
+
+  // In packs (vectorised.h); false: not this one, nothing was done.
+  bool EvaluateVectorised(const VectorWork& work) const;
 };
 
 }  // namespace holba

@@ -5,6 +5,7 @@
 // image.
 #pragma once
 
+#include "holba/problem/vector_work.h"
 #include "holba/residual/view.h"
 
 namespace holba {
@@ -19,40 +20,42 @@ struct WireframeLineResidual {
 
   bool Evaluate(const Datum& datum, const double* const* values, double* residual,
                 double* const* jacobians) const {
+    return datum.sensor ? EvaluateIn<true>(datum, values, residual, jacobians)
+                        : EvaluateIn<false>(datum, values, residual, jacobians);
+  }
+
+  // In packs (vectorised.h); false: not this one, nothing was done.
+  bool EvaluateVectorised(const VectorWork& work) const;
+
+ private:
+  template <bool kSensor>
+  bool EvaluateIn(const Datum& datum, const double* const* values, double* residual,
+                  double* const* jacobians) const {
     const int num_params = camera.model->num_params;
     Eigen::Vector2d x;
     double d_x[2 * kMaxCameraParams];
     if (!camera.Locate(datum.observed, values[2], &x, jacobians[2] ? d_x : nullptr)) return false;
-    const IdealCalibration k = camera.model->ideal_calibration(values[2]);
-    if (!AnyWanted(jacobians, 3)) {
-      const Eigen::Vector3d l = ProjectLine(datum.sensor, values[1], k, LineOf(values[0]));
-      const double q = l.head<2>().squaredNorm();
-      if (!(q > 1e-24 * l.squaredNorm())) return false;
-      residual[0] = (l.z() + l.head<2>().dot(x)) / std::sqrt(q);
-      return true;
-    }
-    const LineBlock block(values[0]);
-    LineInImage image;
-    ProjectLine(datum.sensor, values[1], k, block.line, &image);
-    const Eigen::RowVector2d n = image.l.head<2>().transpose();
-    const double q = n.squaredNorm();
-    if (!(q > 1e-24 * image.l.squaredNorm())) return false;
-    const double inv_norm = 1.0 / std::sqrt(q);
-    const Eigen::RowVector3d xh(x.x(), x.y(), 1.0);
-    residual[0] = xh.dot(image.l.transpose()) * inv_norm;
-    Eigen::RowVector3d by_l = xh * inv_norm;
-    by_l.leftCols<2>() -= residual[0] / q * n;
-    if (jacobians[0]) {
-      Eigen::Map<RowMajor<1, 4>>{jacobians[0]} = by_l * image.d_line * block.d_tangent;
-    }
-    if (jacobians[1]) Eigen::Map<RowMajor<1, 6>>{jacobians[1]} = by_l * image.d_pose;
+    const IdealCalibration calibration = camera.model->ideal_calibration(values[2]);
+    const CalibrationFormulas<double> k = FormulasOf(calibration);
+    const auto view = ViewOf<kSensor>(datum.sensor, values[1]);
+    LineFormulas<double> line;
+    line.Set(values[0]);
+    LineInView<double, kSensor> image;
+    image.Set(k, view, line.d, line.m);
+    if (!HasDirectionInImage(image.l)) return false;
+    double by_l[3];
+    DistanceFromLine(image.l, x.data(), residual, by_l);
+    if (!AnyWanted(jacobians, 3)) return true;
+    line.SetBasis();
+    double by_d[3], by_m[3], by_pose[6], by_calibration[4];
+    image.Pull(k, view, by_l, by_d, by_m, by_pose, by_calibration);
+    if (jacobians[0]) line.Pull(by_d, by_m, jacobians[0]);
+    if (jacobians[1]) std::copy_n(by_pose, 6, jacobians[1]);
     if (jacobians[2]) {
-      std::fill_n(jacobians[2], num_params, 0.0);
-      AddCalibrationColumns<1>(k, by_l * image.d_calibration, num_params, jacobians[2]);
+      WriteCalibrationRow(calibration, by_calibration, num_params, jacobians[2]);
       if (camera.observations_move) {
-        for (int c = 0; c < num_params; ++c) {
-          jacobians[2][c] += inv_norm * (n.x() * d_x[c] + n.y() * d_x[num_params + c]);
-        }
+        const double by_point[2] = {by_l[2] * image.l[0], by_l[2] * image.l[1]};
+        AddMove(by_point, d_x, num_params, jacobians[2]);
       }
     }
     return true;

@@ -5,6 +5,7 @@
 // end points.
 #pragma once
 
+#include "holba/problem/vector_work.h"
 #include "holba/residual/line.h"
 #include "holba/residual/view.h"
 
@@ -17,46 +18,39 @@ struct WireframePointResidual {
 
   bool Evaluate(const Datum& datum, const double* const* values, double* residual,
                 double* const* jacobians) const {
+    return datum.sensor ? EvaluateIn<true>(datum, values, residual, jacobians)
+                        : EvaluateIn<false>(datum, values, residual, jacobians);
+  }
+
+  // In packs (vectorised.h); false: not this one, nothing was done.
+  bool EvaluateVectorised(const VectorWork& work) const;
+
+ private:
+  template <bool kSensor>
+  bool EvaluateIn(const Datum& datum, const double* const* values, double* residual,
+                  double* const* jacobians) const {
     const int num_params = camera.model->num_params;
-    Eigen::Vector2d a, b;
-    double d_a[2 * kMaxCameraParams], d_b[2 * kMaxCameraParams];
+    Eigen::Vector2d start, end;
+    double d_start[2 * kMaxCameraParams], d_end[2 * kMaxCameraParams];
     const bool by_params = jacobians[2] != nullptr;
-    if (!camera.Locate(datum.start, values[2], &a, by_params ? d_a : nullptr) ||
-        !camera.Locate(datum.end, values[2], &b, by_params ? d_b : nullptr)) {
+    if (!camera.Locate(datum.start, values[2], &start, by_params ? d_start : nullptr) ||
+        !camera.Locate(datum.end, values[2], &end, by_params ? d_end : nullptr)) {
       return false;
     }
-    const Eigen::Vector2d along = b - a;
-    const double length = along.norm();
-    if (!(length > 0.0)) return false;
-    const Eigen::Map<const Eigen::Vector3d> X(values[0]);
-    if (!AnyWanted(jacobians, 3)) {
-      Eigen::Vector2d pixel;
-      if (!ProjectPointIdeal(*camera.model, datum.sensor, values[1], values[2], X, &pixel))
-        return false;
-      const Eigen::Vector2d u = pixel - a;
-      residual[0] = (along.x() * u.y() - along.y() * u.x()) / length;
-      return true;
-    }
-    PointInImage image;
-    if (!ProjectPointIdeal(*camera.model, datum.sensor, values[1], values[2], X, &image))
+    const IdealCalibration calibration = camera.model->ideal_calibration(values[2]);
+    DistanceFromSegment<double, kSensor> distance;
+    if (!distance.Set(FormulasOf(calibration), ViewOf<kSensor>(datum.sensor, values[1]), values[0],
+                      start.data(), end.data(), AnyWanted(jacobians, 3))) {
       return false;
-    const Eigen::Vector2d u = image.pixel - a;
-    const Eigen::RowVector2d normal = Eigen::RowVector2d(-along.y(), along.x()) / length;
-    residual[0] = normal.dot(u);
-    if (jacobians[0]) Eigen::Map<RowMajor<1, 3>>{jacobians[0]} = normal * image.d_point;
-    if (jacobians[1]) Eigen::Map<RowMajor<1, 6>>{jacobians[1]} = normal * image.d_pose;
+    }
+    residual[0] = distance.value;
+    if (jacobians[0]) std::copy_n(distance.by_point, 3, jacobians[0]);
+    if (jacobians[1]) std::copy_n(distance.by_pose, 6, jacobians[1]);
     if (by_params) {
-      // r = (along x u) / |along|
-      const Eigen::RowVector2d d_along = Eigen::RowVector2d(u.y(), -u.x()) / length -
-                                         residual[0] / (length * length) * along.transpose();
-      for (int c = 0; c < num_params; ++c) {
-        double d = normal.x() * image.d_params[c] + normal.y() * image.d_params[num_params + c];
-        if (camera.observations_move) {
-          const Eigen::Vector2d move_a(d_a[c], d_a[num_params + c]),
-              move_b(d_b[c], d_b[num_params + c]);
-          d += d_along.dot(move_b - move_a) - normal.dot(move_a);
-        }
-        jacobians[2][c] = d;
+      WriteCalibrationRow(calibration, distance.by_calibration, num_params, jacobians[2]);
+      if (camera.observations_move) {
+        AddMove(distance.by_start, d_start, num_params, jacobians[2]);
+        AddMove(distance.by_end, d_end, num_params, jacobians[2]);
       }
     }
     return true;
