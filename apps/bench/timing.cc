@@ -56,9 +56,10 @@ void RunOnce(SolverOptions solver, int iterations, TimingClock clock, BundleProb
   for (int left = iterations; left > 0;) {
     problem.state() = start;
     solver.max_num_iterations = left;
+    solver.analyse_reduced_system = timing->reduced_system.size == 0;
     const SolverSummary summary = Solve(solver, &problem);
     timing->used_solver = summary.linear_solver;
-    timing->reduced_system = summary.reduced_system;
+    if (solver.analyse_reduced_system) timing->reduced_system = summary.reduced_system;
     HOLBA_CHECK_MSG(summary.iterations > 0, "the benchmark's problem has nothing to adjust");
     left -= summary.iterations;
     timing->iterations += summary.iterations;

@@ -40,7 +40,7 @@ TEST(TimeIterations, TimesEveryConfigurationWithBothSolvers) {
     const Timing& timing = timings[i];
     EXPECT_EQ(timing.name, cases[i % 4].name);
     EXPECT_EQ(timing.reduced_system.size, kPoses10 + (i % 4 >= 2 ? kPlanes10 : 0));
-    EXPECT_TRUE(timing.used_solver.starts_with(i < 4 ? "SPARSE_SCHUR" : "DENSE_SCHUR"));
+    EXPECT_TRUE(timing.used_solver.starts_with(i < 4 ? "sparse" : "dense"));
     EXPECT_EQ(timing.iterations, 4);
     EXPECT_GT(timing.seconds_per_iteration, 0.0);
     EXPECT_LT(timing.seconds_per_iteration, 1e3);

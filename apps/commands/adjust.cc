@@ -39,6 +39,7 @@ class AdjustJob : public Job {
       measurements = ReadGroupMeasurements(measurements_path_, model);
 
     bundle_.SetDefaultLosses(is_bal);
+    solver_.analyse_reduced_system = true;
     solver_.on_iteration = [](const IterationRecord& record) {
       if (record.iteration == 0) LogInfo("{}", IterationHeader(record));
       LogInfo("{}", IterationLine(record));

@@ -42,6 +42,10 @@ void Accumulate(const SolverSummary& round, SolverSummary* sum) {
   merged.linearise_seconds += sum->linearise_seconds;
   merged.eliminate_seconds += sum->eliminate_seconds;
   merged.total_seconds += sum->total_seconds;
+  // Negative: unknown.
+  if (sum->factorise_seconds > 0.0) merged.factorise_seconds += sum->factorise_seconds;
+  if (sum->back_substitute_seconds > 0.0)
+    merged.back_substitute_seconds += sum->back_substitute_seconds;
   merged.iteration_seconds.insert(merged.iteration_seconds.begin(), sum->iteration_seconds.begin(),
                                   sum->iteration_seconds.end());
   *sum = std::move(merged);
@@ -245,6 +249,7 @@ class Adjuster {
 
   SolverOptions Short() const {
     SolverOptions options = solver_options_;
+    options.analyse_reduced_system = false;
     options.max_num_iterations = std::min(kRoundIterations, options.max_num_iterations);
     options.function_tolerance = std::max(kRoundTolerance, options.function_tolerance);
     return options;

@@ -4,12 +4,14 @@
 #include <algorithm>
 
 #include "holba/solver/ceres/ceres_backend.h"
+#include "holba/solver/native/native_backend.h"
 
 namespace holba {
 
 void SolverOptions::Describe(OptionTable* table) {
   table->Section("Solver");
-  table->Choice("backend", &backend, {{"ceres", Backend::kCeres}}, "Which solver does the work.");
+  table->Choice("backend", &backend, {{"native", Backend::kNative}, {"ceres", Backend::kCeres}},
+                "Which solver does the work.");
   table->Choice("linear_solver", &linear_solver,
                 {{"auto", LinearSolver::kAuto},
                  {"dense", LinearSolver::kDense},
@@ -17,6 +19,27 @@ void SolverOptions::Describe(OptionTable* table) {
                  {"iterative", LinearSolver::kIterative}},
                 "How the reduced system is solved; auto: dense up to 50 frames, sparse up to 1000, "
                 "then iterative.");
+  table->Choice("precision", &precision,
+                {{"auto", FactorPrecision::kAuto},
+                 {"double", FactorPrecision::kDouble},
+                 {"mixed", FactorPrecision::kMixed}},
+                "Of the native solver's factor; mixed: single precision, solutions refined to "
+                "double accuracy; auto: mixed where that is faster.");
+  table->Choice("preconditioner", &preconditioner,
+                {{"auto", PreconditionerType::kAuto},
+                 {"block_jacobi", PreconditionerType::kBlockJacobi},
+                 {"border", PreconditionerType::kBorder},
+                 {"power_series", PreconditionerType::kPowerSeries}},
+                "Of the native iterative solver; border: groups and shared intrinsics exactly, "
+                "beside the poses' blocks; auto: border where there are any.");
+  table->Field("eta", &eta, Between(1e-12, 1.0),
+               "How inexact a step of the iterative solver may be (forcing term).");
+  table->Choice("ceres_dense_library", &ceres_dense_library,
+                {{"auto", CeresDenseLibrary::kAuto},
+                 {"eigen", CeresDenseLibrary::kEigen},
+                 {"lapack", CeresDenseLibrary::kLapack}},
+                "Factorisation of the backend ceres with a dense reduced system; auto: LAPACK from "
+                "600 unknowns on.");
   table->Field("num_threads", &num_threads, AtLeast(-1),
                "Threads; -1: as many as repeat bit for bit (Ceres: 1; with more its sums change in "
                "the last digits).");
@@ -66,11 +89,17 @@ double SolverSummary::MedianIterationSeconds() const {
 }
 
 SolverSummary Solve(const SolverOptions& options, Problem* problem) {
+  SolverSummary summary;
   switch (options.backend) {
+    case Backend::kNative:
+      summary = SolveNatively(options, problem);
+      break;
     case Backend::kCeres:
-      return SolveWithCeres(options, problem);
+      summary = SolveWithCeres(options, problem);
+      break;
   }
-  return {};
+  if (options.analyse_reduced_system) summary.reduced_system = AnalyseReducedSystem(*problem);
+  return summary;
 }
 
 }  // namespace holba

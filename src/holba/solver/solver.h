@@ -11,9 +11,16 @@
 
 namespace holba {
 
-enum class Backend { kCeres };
+enum class Backend { kNative, kCeres };
 // How the reduced system is solved; automatic: by the number of kept blocks (COLMAP's bounds).
 enum class LinearSolver { kAuto, kDense, kSparse, kIterative };
+// kMixed: a factor in single precision, its solutions refined to double accuracy.
+enum class FactorPrecision { kAuto, kDouble, kMixed };
+// Of the iterative solver. kBorder: poses one by one, groups and shared intrinsics, which all poses
+// see, together and with their couplings.
+enum class PreconditionerType { kAuto, kBlockJacobi, kBorder, kPowerSeries };
+// Dense algebra of Ceres; kAuto: LAPACK from a size on where it is faster.
+enum class CeresDenseLibrary { kAuto, kEigen, kLapack };
 
 struct IterationRecord {
   int iteration = 0;  // 0: the start
@@ -28,8 +35,13 @@ struct IterationRecord {
 };
 
 struct SolverOptions {
-  Backend backend = Backend::kCeres;
+  Backend backend = Backend::kNative;
   LinearSolver linear_solver = LinearSolver::kAuto;
+  FactorPrecision precision = FactorPrecision::kAuto;
+  PreconditionerType preconditioner = PreconditionerType::kAuto;
+  // Forcing term of the iterative solver: how inexact a step may be.
+  double eta = 0.1;
+  CeresDenseLibrary ceres_dense_library = CeresDenseLibrary::kAuto;
   int num_threads = -1;
   int max_num_iterations = 100;
   int max_linear_solver_iterations = 200;
@@ -41,6 +53,8 @@ struct SolverOptions {
   // Whether the angular terms count in the function tolerance.
   bool termination_counts_angular = false;
 
+  // Fill the summary's reduced_system; otherwise only its size.
+  bool analyse_reduced_system = false;
   // Called after every iteration; return false to stop there.
   std::function<bool(const IterationRecord&)> on_iteration;
 

@@ -4,36 +4,6 @@
 #include <algorithm>
 
 namespace holba {
-namespace {
-
-// J (dim x tangent) * MinusJacobian (tangent x ambient), row-major, for the sizes of the manifolds
-// that are met most.
-template <int Tangent, int Ambient>
-void MultiplyFixed(const double* J, const double* minus, int dim, double* out) {
-  const Eigen::Map<const RowMajor<Tangent, Ambient>> m(minus);
-  for (int row = 0; row < dim; ++row) {
-    Eigen::Map<Eigen::Matrix<double, 1, Ambient>>{out + row* Ambient} =
-        Eigen::Map<const Eigen::Matrix<double, 1, Tangent>>{J + row * Tangent} * m;
-  }
-}
-
-void MultiplyInto(const double* J, const double* minus, int dim, const ManifoldOps& ops,
-                  double* out) {
-  if (ops.tangent == 6 && ops.ambient == 7) return MultiplyFixed<6, 7>(J, minus, dim, out);
-  if (ops.tangent == 4 && ops.ambient == 6) return MultiplyFixed<4, 6>(J, minus, dim, out);
-  if (ops.tangent == 3 && ops.ambient == 4) return MultiplyFixed<3, 4>(J, minus, dim, out);
-  if (ops.tangent == 2 && ops.ambient == 3) return MultiplyFixed<2, 3>(J, minus, dim, out);
-  for (int i = 0; i < dim; ++i) {
-    for (int j = 0; j < ops.ambient; ++j) {
-      double sum = 0.0;
-      for (int k = 0; k < ops.tangent; ++k)
-        sum += J[i * ops.tangent + k] * minus[k * ops.ambient + j];
-      out[i * ops.ambient + j] = sum;
-    }
-  }
-}
-
-}  // namespace
 
 CeresManifold::CeresManifold(const ManifoldOps& ops, uint32_t held) : ops_(ops) {
   for (int i = 0; i < ops.tangent; ++i) {
@@ -48,13 +18,10 @@ bool CeresManifold::Plus(const double* x, const double* delta, double* x_plus_de
   return true;
 }
 
-bool CeresManifold::PlusJacobian(const double* x, double* jacobian) const {
-  double full[kMaxTangent * kMaxTangent];
-  ops_.plus_jacobian(x, full);
-  const int n = TangentSize();
-  for (int row = 0; row < ops_.ambient; ++row) {
-    for (int i = 0; i < n; ++i) jacobian[row * n + i] = full[row * ops_.tangent + free_[i]];
-  }
+bool CeresManifold::PlusJacobian(const double*, double* jacobian) const {
+  const size_t n = free_.size();
+  std::fill_n(jacobian, ops_.ambient * n, 0.0);
+  for (size_t i = 0; i < n; ++i) jacobian[free_[i] * n + i] = 1.0;
   return true;
 }
 
@@ -65,18 +32,16 @@ bool CeresManifold::Minus(const double* y, const double* x, double* y_minus_x) c
   return true;
 }
 
-bool CeresManifold::MinusJacobian(const double* x, double* jacobian) const {
-  double full[kMaxTangent * kMaxTangent];
-  ops_.minus_jacobian(x, full);
-  for (size_t i = 0; i < free_.size(); ++i) {
-    std::copy_n(full + free_[i] * ops_.ambient, ops_.ambient, jacobian + i * ops_.ambient);
-  }
+bool CeresManifold::MinusJacobian(const double*, double* jacobian) const {
+  const size_t n = free_.size();
+  std::fill_n(jacobian, n * ops_.ambient, 0.0);
+  for (size_t i = 0; i < n; ++i) jacobian[i * ops_.ambient + free_[i]] = 1.0;
   return true;
 }
 
 CeresResidual::CeresResidual(const Problem& problem, const ResidualBatch& batch, size_t index,
                              ResidualMemory* memory)
-    : problem_(problem), batch_(batch), index_(index), memory_(memory) {
+    : batch_(batch), index_(index), memory_(memory) {
   set_num_residuals(batch.dim());
   for (int s = 0; s < batch.num_slots(); ++s) {
     mutable_parameter_block_sizes()->push_back(
@@ -87,6 +52,7 @@ CeresResidual::CeresResidual(const Problem& problem, const ResidualBatch& batch,
 bool CeresResidual::Evaluate(double const* const* parameters, double* residuals,
                              double** jacobians) const {
   double tangent_jacobians[kMaxSlots][kMaxResidualDim * kMaxTangent];
+  const std::vector<int32_t>& ambients = parameter_block_sizes();
   ResidualPanel panel;
   bool present = false;
   panel.residuals = residuals;
@@ -95,14 +61,14 @@ bool CeresResidual::Evaluate(double const* const* parameters, double* residuals,
   if (jacobians) {
     for (int s = 0; s < slots; ++s) {
       if (!jacobians[s]) continue;
-      const ManifoldOps& ops = *problem_.block(batch_.block(index_, s)).manifold;
-      panel.jacobians[s] = ops.ambient == ops.tangent ? jacobians[s] : tangent_jacobians[s];
+      panel.jacobians[s] = ambients[s] == batch_.tangent(s) ? jacobians[s] : tangent_jacobians[s];
     }
   }
   batch_.Evaluate(index_, index_ + 1, ParameterReader(parameters), panel);
 
   const int dim = batch_.dim();
   double* remembered = &memory_->values[index_ * dim];
+  if (jacobians) memory_->present[index_] = present;
   if (!present) {
     if (memory_->known[index_]) std::copy_n(remembered, dim, residuals);
   } else if (jacobians) {
@@ -112,10 +78,12 @@ bool CeresResidual::Evaluate(double const* const* parameters, double* residuals,
   if (!jacobians) return true;
   for (int s = 0; s < slots; ++s) {
     if (!jacobians[s] || panel.jacobians[s] == jacobians[s]) continue;
-    const ManifoldOps& ops = *problem_.block(batch_.block(index_, s)).manifold;
-    double minus[kMaxTangent * kMaxTangent];
-    ops.minus_jacobian(parameters[s], minus);
-    MultiplyInto(tangent_jacobians[s], minus, dim, ops, jacobians[s]);
+    const int tangent = batch_.tangent(s), ambient = ambients[s];
+    for (int k = 0; k < dim; ++k) {
+      double* row = jacobians[s] + k * ambient;
+      std::copy_n(tangent_jacobians[s] + k * tangent, tangent, row);
+      std::fill(row + tangent, row + ambient, 0.0);
+    }
   }
   return true;
 }

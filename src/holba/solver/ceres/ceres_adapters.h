@@ -14,6 +14,11 @@
 namespace holba {
 
 // A block's manifold without its held tangent coordinates.
+//
+// Ceres multiplies the Jacobians of residuals by PlusJacobian and uses both for nothing else.
+// Residuals know their derivatives by the tangent, so these stand in the first columns of what
+// Ceres takes for the Jacobian by the ambient coordinates, and PlusJacobian merely picks the free
+// ones: the round trip over the true ambient Jacobian would cost more than many a residual.
 class CeresManifold final : public ceres::Manifold {
  public:
   CeresManifold(const ManifoldOps& ops, uint32_t held);
@@ -45,8 +50,15 @@ class CeresLoss final : public ceres::LossFunction {
 // Value that a residual had when it was last present at an accepted state; it stands in while the
 // residual is absent, with a zero Jacobian, so that hiding a residual gains nothing.
 struct ResidualMemory {
-  std::vector<double> values;  // dim per residual
-  std::vector<uint8_t> known;
+  std::vector<double> values;    // dim per residual
+  std::vector<uint8_t> known;    // was present once
+  std::vector<uint8_t> present;  // at the last accepted state
+
+  void Resize(size_t num_residuals, int dim) {
+    values.resize(num_residuals * dim);
+    known.resize(num_residuals);
+    present.resize(num_residuals);
+  }
 };
 
 class CeresResidual final : public ceres::CostFunction {
@@ -57,7 +69,6 @@ class CeresResidual final : public ceres::CostFunction {
                 double** jacobians) const override;
 
  private:
-  const Problem& problem_;
   const ResidualBatch& batch_;
   size_t index_;
   ResidualMemory*

@@ -58,25 +58,43 @@ TEST_P(CeresManifoldOf, MovesTheFreeCoordinatesOnlyAndBackAgain) {
   }
 }
 
-TEST_P(CeresManifoldOf, HasTheJacobiansOfItsPlusAndMinus) {
+TEST_P(CeresManifoldOf, PicksTheFreeCoordinatesOfTangentJacobians) {
   const auto& [ops, make, held] = GetParam();
   Random random(6);
   const CeresManifold manifold(*ops, held);
   const int n = manifold.TangentSize(), m = ops->ambient;
-  for (int repeat = 0; repeat < 10; ++repeat) {
-    const std::vector<double> x = make(&random);
-    Matrix plus(m, n), minus(n, m);
-    ASSERT_TRUE(manifold.PlusJacobian(x.data(), plus.data()));
-    ASSERT_TRUE(manifold.MinusJacobian(x.data(), minus.data()));
-    EXPECT_LT((minus * plus - Matrix::Identity(n, n)).cwiseAbs().maxCoeff(), 1e-12);
-    for (int c = 0; c < n; ++c) {
-      constexpr double h = 1e-6;
-      std::vector<double> delta(n, 0.0), above(m), below(m);
-      delta[c] = h;
-      manifold.Plus(x.data(), delta.data(), above.data());
-      delta[c] = -h;
-      manifold.Plus(x.data(), delta.data(), below.data());
-      for (int r = 0; r < m; ++r) EXPECT_NEAR(plus(r, c), (above[r] - below[r]) / (2 * h), 1e-9);
+  const std::vector<double> x = make(&random);
+  Matrix plus(m, n), minus(n, m), lifted = Matrix::Zero(2, m);
+  for (int i = 0; i < 2 * ops->tangent; ++i) lifted(i % 2, i / 2) = random.Normal();
+  ASSERT_TRUE(manifold.PlusJacobian(x.data(), plus.data()));
+  ASSERT_TRUE(manifold.MinusJacobian(x.data(), minus.data()));
+  EXPECT_EQ(minus * plus, Matrix::Identity(n, n));
+  const Matrix picked = lifted * plus;
+  for (int i = 0, free = 0; i < ops->tangent; ++i) {
+    if (held >> i & 1) continue;
+    EXPECT_EQ(picked.col(free++), lifted.col(i));
+  }
+}
+
+// What Ceres takes for the derivative by the step is that of Plus.
+TEST_P(CeresManifoldOf, MovesByTheStepItself) {
+  const auto& [ops, make, held] = GetParam();
+  Random random(7);
+  const CeresManifold manifold(*ops, held);
+  const int n = manifold.TangentSize(), m = ops->ambient;
+  const std::vector<double> x = make(&random);
+  Matrix by_tangent(m, ops->tangent);
+  ops->plus_jacobian(x.data(), by_tangent.data());
+  for (int c = 0, t = 0; c < n; ++c, ++t) {
+    while (held >> t & 1) ++t;
+    constexpr double h = 1e-6;
+    std::vector<double> delta(n, 0.0), above(m), below(m);
+    delta[c] = h;
+    manifold.Plus(x.data(), delta.data(), above.data());
+    delta[c] = -h;
+    manifold.Plus(x.data(), delta.data(), below.data());
+    for (int r = 0; r < m; ++r) {
+      EXPECT_NEAR(by_tangent(r, t), (above[r] - below[r]) / (2 * h), 1e-9);
     }
   }
 }
@@ -148,13 +166,12 @@ struct AnchorProblem {
                                                              AnchorKernel{});
     batch->Add(std::array{pose, line}, Eigen::Vector3d(0.1, 0.2, 0.3));
     problem.AddBatch(std::move(batch));
-    memory.values.resize(3);
-    memory.known.resize(1);
+    memory.Resize(1, 3);
     residual = std::make_unique<CeresResidual>(problem, *problem.batches()[0], 0, &memory);
   }
 };
 
-TEST(CeresResidual, GivesAmbientJacobiansWhoseTangentPartIsOurs) {
+TEST(CeresResidual, GivesJacobiansWhoseTangentPartIsOurs) {
   Random random(8);
   for (int repeat = 0; repeat < 10; ++repeat) {
     AnchorProblem p(&random);
@@ -201,6 +218,7 @@ TEST(CeresResidual, CountsNothingWhileItWasNeverPresent) {
   EXPECT_THAT(by_pose, Each(0.0));
   EXPECT_THAT(by_line, Each(0.0));
   EXPECT_EQ(p.memory.known[0], 0);
+  EXPECT_EQ(p.memory.present[0], 0);
 }
 
 TEST(CeresResidual, KeepsItsLastAcceptedValueWithAZeroJacobianWhileItIsAbsent) {
@@ -223,6 +241,8 @@ TEST(CeresResidual, KeepsItsLastAcceptedValueWithAZeroJacobianWhileItIsAbsent) {
   }
   EXPECT_THAT(by_pose, Each(0.0));
   EXPECT_THAT(by_line, Each(0.0));
+  EXPECT_EQ(p.memory.known[0], 1);
+  EXPECT_EQ(p.memory.present[0], 0);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <map>
 #include <memory>
 
@@ -27,9 +28,10 @@ struct CeresProblem {
   ceres::Problem problem;
   std::vector<std::unique_ptr<ceres::Manifold>> manifolds;
   std::vector<std::unique_ptr<ceres::LossFunction>> losses;
-  std::vector<std::unique_ptr<CeresResidual>> residuals;
+  std::deque<CeresResidual> residuals;   // side by side, as they are evaluated
   std::vector<ResidualMemory> memories;  // by batch
   size_t num_variable_frames = 0;
+  size_t num_kept_unknowns = 0;
 
   CeresProblem() : problem(Options()) {}
   static ceres::Problem::Options Options() {
@@ -42,33 +44,27 @@ struct CeresProblem {
   }
 };
 
-// Brings the memory up to date with the problem's state; residuals absent there keep what they had.
-void Remember(const Problem& problem, std::vector<ResidualMemory>* memories) {
-  memories->resize(problem.batches().size());
-  const ParameterReader reader = problem.Reader();
-  for (size_t b = 0; b < problem.batches().size(); ++b) {
-    const ResidualBatch& batch = *problem.batches()[b];
-    ResidualMemory& memory = (*memories)[b];
-    const int dim = batch.dim();
-    memory.values.resize(batch.size() * dim);
-    memory.known.resize(batch.size());
-    for (size_t i = 0; i < batch.size(); ++i) {
-      double residual[kMaxResidualDim];
-      bool present = false;
-      ResidualPanel panel;
-      panel.residuals = residual;
-      panel.present = &present;
-      batch.Evaluate(i, i + 1, reader, panel);
-      if (!present) continue;
-      std::copy_n(residual, dim, &memory.values[i * dim]);
-      memory.known[i] = 1;
-    }
-  }
+// Brings the memory of one residual up to date with the problem's state; if it is absent there, it
+// keeps what it had.
+void Remember(const ResidualBatch& batch, size_t i, const ParameterReader& reader,
+              ResidualMemory* memory) {
+  double residual[kMaxResidualDim];
+  bool present = false;
+  ResidualPanel panel;
+  panel.residuals = residual;
+  panel.present = &present;
+  batch.Evaluate(i, i + 1, reader, panel);
+  memory->present[i] = present;
+  if (!present) return;
+  std::copy_n(residual, batch.dim(), &memory->values[i * batch.dim()]);
+  memory->known[i] = 1;
 }
 
-// Blocks without variable residuals are left out: Ceres would drop them anyway.
+// Residuals without variable blocks are left out and remembered here for good; the others are
+// remembered when Ceres evaluates them with Jacobians, at the start and at every accepted state.
 void Fill(Problem& problem, CeresProblem* out, ceres::ParameterBlockOrdering* ordering) {
-  Remember(problem, &out->memories);
+  const ParameterReader reader = problem.Reader();
+  out->memories.resize(problem.batches().size());
   std::map<std::pair<const ManifoldOps*, uint32_t>, ceres::Manifold*> manifolds;
   std::vector<uint8_t> added(problem.num_blocks(), 0);
   const auto add_block = [&](BlockId id) {
@@ -92,31 +88,36 @@ void Fill(Problem& problem, CeresProblem* out, ceres::ParameterBlockOrdering* or
     }
     ordering->AddElementToGroup(values, block.role == BlockRole::kFeature ? 0 : 1);
     out->num_variable_frames += block.kind == "pose";
+    if (block.role == BlockRole::kKept) out->num_kept_unknowns += block.FreeTangent();
   };
   for (size_t b = 0; b < problem.batches().size(); ++b) {
     const ResidualBatch& batch = *problem.batches()[b];
     out->losses.push_back(std::make_unique<CeresLoss>(batch.loss, batch.weight));
     ceres::LossFunction* loss = out->losses.back().get();
     if (batch.loss.type == LossType::kTrivial && batch.weight == 1.0) loss = nullptr;
+    out->memories[b].Resize(batch.size(), batch.dim());
     std::vector<double*> parameters(batch.num_slots());
     for (size_t i = 0; i < batch.size(); ++i) {
       bool variable = false;
       for (int s = 0; s < batch.num_slots(); ++s) {
         variable |= problem.block(batch.block(i, s)).FreeTangent() > 0;
       }
-      if (!variable) continue;
+      if (!variable) {
+        Remember(batch, i, reader, &out->memories[b]);
+        continue;
+      }
       for (int s = 0; s < batch.num_slots(); ++s) {
         add_block(batch.block(i, s));
         parameters[s] = problem.values(batch.block(i, s));
       }
-      out->residuals.push_back(
-          std::make_unique<CeresResidual>(problem, batch, i, &out->memories[b]));
-      out->problem.AddResidualBlock(out->residuals.back().get(), loss, parameters);
+      out->residuals.emplace_back(problem, batch, i, &out->memories[b]);
+      out->problem.AddResidualBlock(&out->residuals.back(), loss, parameters);
     }
   }
 }
 
-// Costs per term from the remembered residuals of the last accepted state.
+// Costs per term from the remembered residuals of the last accepted state; what is absent there
+// counts with the value that it had.
 std::vector<TermCost> TermsFromMemory(const Problem& problem,
                                       const std::vector<ResidualMemory>& memories) {
   std::vector<TermCost> terms;
@@ -127,10 +128,8 @@ std::vector<TermCost> TermsFromMemory(const Problem& problem,
     if (it == terms.end()) it = terms.insert(it, TermCost{batch.term(), batch.angular});
     for (size_t i = 0; i < batch.size(); ++i) {
       ++it->residuals;
-      if (!memories[b].known[i]) {
-        ++it->absent;
-        continue;
-      }
+      it->absent += !memories[b].present[i];
+      if (!memories[b].known[i]) continue;
       double s = 0.0;
       for (int k = 0; k < batch.dim(); ++k) {
         const double r = memories[b].values[i * batch.dim() + k];
@@ -148,7 +147,11 @@ class IterationWatch final : public ceres::IterationCallback {
  public:
   IterationWatch(const SolverOptions& options, const Problem& problem,
                  const std::vector<ResidualMemory>& memories, SolverSummary* summary)
-      : options_(options), problem_(problem), memories_(memories), summary_(summary) {}
+      : options_(options), problem_(problem), memories_(memories), summary_(summary) {
+    for (const auto& batch : problem.batches()) {
+      watches_terms_ |= batch->angular && !options.termination_counts_angular;
+    }
+  }
 
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& it) override {
     IterationRecord record;
@@ -160,7 +163,14 @@ class IterationWatch final : public ceres::IterationCallback {
     record.step_norm = it.step_norm;
     record.trust_radius = it.trust_region_radius;
     record.seconds = it.iteration_time_in_seconds;
-    record.terms = TermsFromMemory(problem_, memories_);
+    if (it.iteration == 0) {
+      was_called_ = true;
+      summary_->initial_terms = TermsFromMemory(problem_, memories_);
+      constant_cost_ = -it.cost;
+      for (const TermCost& term : summary_->initial_terms) constant_cost_ += term.cost;
+    }
+    if (options_.on_iteration || watches_terms_)
+      record.terms = TermsFromMemory(problem_, memories_);
     if (record.accepted) best_state_ = problem_.state();
     if (it.iteration > 0) {
       summary_->iteration_seconds.push_back(record.seconds);
@@ -170,9 +180,9 @@ class IterationWatch final : public ceres::IterationCallback {
       summary_->stop_reason = StopReason::kCallback;
       return ceres::SOLVER_TERMINATE_SUCCESSFULLY;  // an abort would lose the best state
     }
-    double watched = 0.0;
-    for (const TermCost& term : record.terms) {
-      if (!term.angular || options_.termination_counts_angular) watched += term.cost;
+    double watched = watches_terms_ ? 0.0 : it.cost + constant_cost_;
+    if (watches_terms_) {
+      for (const TermCost& term : record.terms) watched += term.angular ? 0.0 : term.cost;
     }
     const double before = watched_;
     watched_ = watched;
@@ -187,6 +197,8 @@ class IterationWatch final : public ceres::IterationCallback {
 
   // The last accepted one: Ceres itself goes back to the start when it fails.
   const std::vector<double>& best_state() const { return best_state_; }
+  // Whether Ceres came as far as to evaluate the start.
+  bool was_called() const { return was_called_; }
 
  private:
   const SolverOptions& options_;
@@ -194,11 +206,14 @@ class IterationWatch final : public ceres::IterationCallback {
   const std::vector<ResidualMemory>& memories_;
   SolverSummary* summary_;
   std::vector<double> best_state_;
+  bool watches_terms_ = false;  // not simply the cost
+  bool was_called_ = false;
   double watched_ = 0.0;
+  double constant_cost_ = 0.0;  // of residuals that Ceres does not have
 };
 
 ceres::Solver::Options ToCeres(const SolverOptions& options, const CeresProblem& problem,
-                               size_t reduced_size, SolverSummary* summary) {
+                               SolverSummary* summary) {
   ceres::Solver::Options ceres_options;
   LinearSolver linear = options.linear_solver;
   if (linear == LinearSolver::kAuto) {
@@ -209,8 +224,10 @@ ceres::Solver::Options ToCeres(const SolverOptions& options, const CeresProblem&
   switch (linear) {
     case LinearSolver::kAuto:
     case LinearSolver::kDense: {
-      const bool lapack = reduced_size >= kMinSizeLapack &&
-                          ceres::IsDenseLinearAlgebraLibraryTypeAvailable(ceres::LAPACK);
+      const bool wanted = options.ceres_dense_library == CeresDenseLibrary::kAuto
+                              ? problem.num_kept_unknowns >= kMinSizeLapack
+                              : options.ceres_dense_library == CeresDenseLibrary::kLapack;
+      const bool lapack = wanted && ceres::IsDenseLinearAlgebraLibraryTypeAvailable(ceres::LAPACK);
       ceres_options.linear_solver_type = ceres::DENSE_SCHUR;
       ceres_options.dense_linear_algebra_library_type = lapack ? ceres::LAPACK : ceres::EIGEN;
       summary->linear_solver = lapack ? "DENSE_SCHUR (LAPACK)" : "DENSE_SCHUR (Eigen)";
@@ -236,6 +253,7 @@ ceres::Solver::Options ToCeres(const SolverOptions& options, const CeresProblem&
   ceres_options.num_threads = options.num_threads == -1 ? 1 : NumThreads(options.num_threads);
   ceres_options.max_num_iterations = options.max_num_iterations;
   ceres_options.max_linear_solver_iterations = options.max_linear_solver_iterations;
+  ceres_options.eta = options.eta;
   ceres_options.max_solver_time_in_seconds = options.max_seconds;
   ceres_options.function_tolerance = 0.0;  // IterationWatch decides
   ceres_options.gradient_tolerance = options.gradient_tolerance;
@@ -259,28 +277,31 @@ StopReason ReasonOf(const ceres::Solver::Summary& ceres_summary, const SolverOpt
 }  // namespace
 
 SolverSummary SolveWithCeres(const SolverOptions& options, Problem* problem) {
-  const Timer timer;
-  // Ceres' warnings (a step that could not be solved for, ...) show in the summary and the iterations.
+  // Ceres' warnings (a step that could not be solved for, ...) show in the summary and the
+  // iterations.
   FLAGS_minloglevel = google::GLOG_ERROR;
   SolverSummary summary;
   summary.backend = "ceres";
-  summary.reduced_system = AnalyseReducedSystem(*problem);
+  summary.reduced_system.size = NumKeptUnknowns(*problem);
+  const Timer timer;
 
   CeresProblem ceres_problem;
   const auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   Fill(*problem, &ceres_problem, ordering.get());
-  summary.initial_terms = TermsFromMemory(*problem, ceres_problem.memories);
-  for (const TermCost& term : summary.initial_terms) summary.initial_cost += term.cost;
-  summary.final_terms = summary.initial_terms;
-  summary.final_cost = summary.initial_cost;
   summary.build_seconds = timer.Seconds();
+  const auto sum = [](const std::vector<TermCost>& terms) {
+    double cost = 0.0;
+    for (const TermCost& term : terms) cost += term.cost;
+    return cost;
+  };
   if (ordering->NumElements() == 0) {
+    summary.initial_terms = summary.final_terms = TermsFromMemory(*problem, ceres_problem.memories);
+    summary.initial_cost = summary.final_cost = sum(summary.initial_terms);
     summary.total_seconds = timer.Seconds();
     return summary;
   }
 
-  ceres::Solver::Options ceres_options =
-      ToCeres(options, ceres_problem, summary.reduced_system.size, &summary);
+  ceres::Solver::Options ceres_options = ToCeres(options, ceres_problem, &summary);
   // A Schur solver needs both groups; with only one there is nothing to eliminate from.
   if (ordering->NumGroups() == 2) {
     ceres_options.linear_solver_ordering = ordering;
@@ -304,15 +325,20 @@ SolverSummary SolveWithCeres(const SolverOptions& options, Problem* problem) {
     summary.stop_reason = ReasonOf(ceres_summary, options);
     summary.message = ceres_summary.message;
   }
-  if (!ceres_summary.IsSolutionUsable() && !watch.best_state().empty()) {
-    problem->state() = watch.best_state();
+  if (!ceres_summary.IsSolutionUsable()) {
+    // The last evaluation was not of the state that is kept.
+    if (!watch.best_state().empty()) problem->state() = watch.best_state();
+    for (size_t b = 0; b < problem->batches().size(); ++b) {
+      const ResidualBatch& batch = *problem->batches()[b];
+      for (size_t i = 0; i < batch.size(); ++i) {
+        Remember(batch, i, problem->Reader(), &ceres_problem.memories[b]);
+      }
+    }
   }
-  Remember(*problem, &ceres_problem.memories);
   summary.final_terms = TermsFromMemory(*problem, ceres_problem.memories);
-  const std::vector<TermCost> terms_now = EvaluateTerms(*problem);
-  for (size_t t = 0; t < terms_now.size(); ++t) summary.final_terms[t].absent = terms_now[t].absent;
-  summary.final_cost = 0.0;
-  for (const TermCost& term : summary.final_terms) summary.final_cost += term.cost;
+  if (!watch.was_called()) summary.initial_terms = summary.final_terms;
+  summary.initial_cost = sum(summary.initial_terms);
+  summary.final_cost = sum(summary.final_terms);
   summary.iterations = static_cast<int>(summary.iteration_seconds.size());
   summary.linearise_seconds = ceres_summary.jacobian_evaluation_time_in_seconds +
                               ceres_summary.residual_evaluation_time_in_seconds;

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/solver/covariance.h"
+
+#include <limits>
+
+#include "holba/linear/reduced_solver.h"
+#include "holba/solver/native/linear_choice.h"
+#include "holba/solver/native/normal_equations.h"
+
+namespace holba {
+
+using native::kNone;
+
+struct Covariance::Data {
+  const Problem* problem = nullptr;
+  native::NormalEquations equations;
+  BlockMatrix Z;
+  std::vector<uint32_t> feature_of_block;
+  std::vector<size_t> begin;
+  std::vector<double> features;
+};
+
+Covariance::Covariance(std::unique_ptr<Data> data) : data_(std::move(data)) {}
+Covariance::Covariance(Covariance&&) noexcept = default;
+Covariance::~Covariance() = default;
+
+std::optional<Covariance> Covariance::Compute(const Problem& problem, int num_threads) {
+  auto data = std::make_unique<Data>();
+  data->problem = &problem;
+  native::NormalEquations& equations = data->equations;
+  equations.Begin(problem, num_threads);
+  equations.SetForm(native::SchurForm::kExplicit);
+  native::Linearisation linearisation;
+  equations.Linearise(std::numeric_limits<double>::infinity(), &linearisation);
+  data->Z = BlockMatrix(&equations.pattern());
+  if (equations.structure().num_nodes() > 0) {
+    const auto solver =
+        native::IsSparseFaster(equations.pattern())
+            ? MakeSparseSolver(equations.pattern(), Precision::kDouble, num_threads)
+            : MakeDenseSolver(equations.pattern(), Precision::kDouble, num_threads);
+    if (!solver->Factorise(equations.matrix()) || !solver->SelectedInverse(&data->Z))
+      return std::nullopt;
+  }
+  equations.FeatureCovariances(data->Z, &data->begin, &data->features);
+  data->feature_of_block.assign(problem.num_blocks(), kNone);
+  for (uint32_t f = 0; f < equations.structure().features.size(); ++f)
+    data->feature_of_block[equations.structure().features[f]] = f;
+  return Covariance(std::move(data));
+}
+
+Eigen::MatrixXd Covariance::Of(BlockId id) const {
+  const ParameterBlock& block = data_->problem->block(id);
+  const int n = block.manifold->tangent;
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
+  const uint32_t feature = data_->feature_of_block[id];
+  if (feature != kNone) {
+    const double* from = data_->features.data() + data_->begin[feature];
+    for (int r = 0; r < n; ++r) {
+      for (int c = 0; c < n; ++c) out(r, c) = from[r * n + c];
+    }
+  } else if (const auto kept = Between(id, id)) {
+    out = *kept;
+  }
+  for (int i = 0; i < n; ++i) {
+    if (!block.constant && !(block.held >> i & 1)) continue;
+    out.row(i).setZero();
+    out.col(i).setZero();
+  }
+  return out;
+}
+
+std::optional<Eigen::MatrixXd> Covariance::Between(BlockId a, BlockId b) const {
+  const native::Structure& structure = data_->equations.structure();
+  const native::KeptBlock place_a = structure.kept[a], place_b = structure.kept[b];
+  if (place_a.node == kNone || place_b.node == kNone) return std::nullopt;
+  const bool swap = place_a.node < place_b.node;
+  const auto& rows = swap ? place_b : place_a;
+  const auto& cols = swap ? place_a : place_b;
+  const BlockPattern& pattern = data_->equations.pattern();
+  const size_t k = pattern.Find(static_cast<int>(rows.node), static_cast<int>(cols.node));
+  if (k == pattern.num_blocks()) return std::nullopt;
+  const double* Z = data_->Z.Block(k);
+  const int stride = PaddedWidth(pattern.widths[rows.node]);
+  const auto entry = [&](int i, int j) { return Z[(cols.first + j) * stride + rows.first + i]; };
+  const native::Columns &columns_a = structure.block_columns[a],
+                        &columns_b = structure.block_columns[b];
+  const Problem& problem = *data_->problem;
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(problem.block(a).manifold->tangent,
+                                              problem.block(b).manifold->tangent);
+  for (int i = 0; i < columns_a.count; ++i) {
+    for (int j = 0; j < columns_b.count; ++j) {
+      out(columns_a.tangent[i], columns_b.tangent[j]) = swap ? entry(j, i) : entry(i, j);
+    }
+  }
+  return out;
+}
+
+}  // namespace holba
