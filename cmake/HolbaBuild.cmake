@@ -66,13 +66,16 @@ function(holba_simd_sources out)
   set(${out} ${made} PARENT_SCOPE)
 endfunction()
 
-# holba_room(NAME [DEPENDS rooms...] [PUBLIC libs...] [PRIVATE libs...])
+# holba_room(NAME [EXCLUDE regex] [DEPENDS rooms...] [PUBLIC libs...] [PRIVATE libs...])
 # The library holba_NAME of this folder's *.cc; each *_test.cc becomes a ctest named NAME/<file>, each
 # *_fuzz.cc a libFuzzer program fuzz/NAME_<file>; each *_simd.cc is compiled once for each instruction set
 # (X_testing_simd.cc into X_test alone).
 function(holba_room name)
-  cmake_parse_arguments(ARG "" "" "DEPENDS;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(ARG "" "EXCLUDE" "DEPENDS;PUBLIC;PRIVATE" ${ARGN})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cc)
+  if(ARG_EXCLUDE)
+    list(FILTER sources EXCLUDE REGEX ${ARG_EXCLUDE})
+  endif()
   set(tests ${sources})
   set(fuzzers ${sources})
   set(simd_sources ${sources})

@@ -15,6 +15,9 @@
 namespace holba {
 namespace {
 
+// Below this, waiting for tiles costs more than a second thread gains.
+constexpr int kMinSharedUnknowns = 256;
+
 template <typename Real>
 class DenseFactor : public CholeskyFactor {
  public:
@@ -51,7 +54,7 @@ class DenseFactor : public CholeskyFactor {
     });
     const Real pivot = static_cast<Real>(min_pivot);
     const FlushTinyNumbers flush;
-    if (num_threads_ == 1 || tiling_.num_tiles() == 1) {
+    if (num_threads_ == 1 || front_.eliminated < kMinSharedUnknowns) {
       return EliminateFront<Real>(front_, tiling_, pivot);
     }
     ++round_;

@@ -8,6 +8,7 @@
 
 #include "holba/linear/linear_testing.h"
 #include "holba/linear/reduced_solver.h"
+#include "holba/linear/update_plan.h"
 
 namespace holba {
 namespace {
@@ -116,6 +117,45 @@ TEST(PlanElimination, PredictedFlopsAreThoseOfEliminationNodeByNode) {
       const Naive naive = EliminateNaively(pattern, plan->node_at, plan->position);
       // Merged fronts change the order among nodes without changing the factor by much.
       EXPECT_NEAR(plan->flops, naive.flops, 1e-9 * naive.flops);
+    }
+  }
+}
+
+TEST(PlanUpdateMemory, NoTwoUpdatesThatMayLiveAtOnceShareMemory) {
+  for (const BlockPattern& pattern : Patterns()) {
+    for (const Ordering ordering : kOrderings) {
+      const auto plan = PlanElimination(pattern, ordering);
+      const int n = plan->num_supernodes();
+      std::vector<size_t> sizes(n);
+      for (int s = 0; s < n; ++s) {
+        sizes[s] = 10 * (plan->row_begin[s + 1] - plan->row_begin[s]) + (s % 3);
+      }
+      // Subtrees of up to 4 fronts at once, the fronts above them after their children.
+      std::vector<int> subtrees, subtree_of(n, -1);
+      for (int s = n - 1; s >= 0; --s) {
+        if (subtree_of[s] != -1 || s - plan->first_descendant[s] >= 4) continue;
+        subtrees.push_back(s);
+        for (int t = plan->first_descendant[s]; t <= s; ++t) subtree_of[t] = s;
+      }
+      const UpdatePlan updates = PlanUpdateMemory(*plan, subtrees, sizes);
+      const auto comes_before = [&](int s, int t) {  // s is done when t begins
+        return s < t && (s >= plan->first_descendant[t] ||
+                         (subtree_of[s] != -1 && subtree_of[s] == subtree_of[t]));
+      };
+      for (int s = 0; s < n; ++s) {
+        EXPECT_LE(updates.offset[s] + sizes[s], updates.size);
+        for (int t = 0; t < n; ++t) {
+          if (s == t || updates.offset[s] + sizes[s] <= updates.offset[t] ||
+              updates.offset[t] + sizes[t] <= updates.offset[s]) {
+            continue;
+          }
+          const int first = std::min(s, t), second = std::max(s, t);
+          const int reader = plan->parent[first];
+          EXPECT_TRUE(sizes[s] == 0 || sizes[t] == 0 ||
+                      (reader != -1 && comes_before(reader, second)))
+              << s << " and " << t;
+        }
+      }
     }
   }
 }

@@ -1,33 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <cstring>
+#include <algorithm>
 #include <new>
 #include <utility>
 
 #include "holba/linear/cholesky_factor.h"
 
-#if defined(__linux__)
-#include <sys/mman.h>
-#endif
-
 namespace holba {
 namespace {
-
-constexpr size_t kLargePage = size_t{1} << 21;
-
-std::align_val_t AlignmentFor(size_t bytes) {
-  return std::align_val_t{bytes >= 2 * kLargePage ? kLargePage : 64};
-}
-
+constexpr std::align_val_t kAlignment{64};
 }  // namespace
 
 template <typename Real>
 FactorMemory<Real>::FactorMemory(size_t size) : size_(size) {
-  const size_t bytes = size * sizeof(Real);
-  data_ = static_cast<Real*>(::operator new(bytes, AlignmentFor(bytes)));
-#if defined(__linux__) && defined(MADV_HUGEPAGE)
-  if (bytes >= 2 * kLargePage) madvise(data_, bytes / kLargePage * kLargePage, MADV_HUGEPAGE);
-#endif
-  std::memset(data_, 0, bytes);
+  data_ = static_cast<Real*>(::operator new(size * sizeof(Real), kAlignment));
+  std::fill_n(data_, size, Real(0));
 }
 
 template <typename Real>
@@ -43,7 +29,7 @@ FactorMemory<Real>& FactorMemory<Real>::operator=(FactorMemory&& other) noexcept
 
 template <typename Real>
 FactorMemory<Real>::~FactorMemory() {
-  ::operator delete(data_, AlignmentFor(size_ * sizeof(Real)));
+  ::operator delete(data_, kAlignment);
 }
 
 template class FactorMemory<double>;

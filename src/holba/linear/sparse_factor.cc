@@ -16,6 +16,7 @@
 #include "holba/linear/elimination.h"
 #include "holba/linear/front_inverse.h"
 #include "holba/linear/panel_front.h"
+#include "holba/linear/update_plan.h"
 
 namespace holba {
 namespace {
@@ -312,63 +313,15 @@ class SparseFactor : public CholeskyFactor {
     }
   }
 
-  // Places for what fronts leave to their parents. Memory is used again once its reader is done and
-  // the next writer is sure to come after that: in the same subtree, or above the reader.
+  // Places for what fronts leave to their parents.
   void PlanUpdates() {
-    struct Hole {
-      size_t begin, size;
-      int reader;
-    };
-    std::vector<Hole> holes;
-    std::vector<int> subtree_of(plan_->num_supernodes(), -1);
-    for (int root : subtrees_) {
-      for (int s = plan_->first_descendant[root]; s <= root; ++s) subtree_of[s] = root;
+    std::vector<size_t> sizes;
+    for (const Front& f : fronts_) {
+      sizes.push_back(PanelFront<Real>::UpdateSize(f.front.remaining));
     }
-    size_t size = 0;
-    for (int s = 0; s < plan_->num_supernodes(); ++s) {
-      Front& f = fronts_[s];
-      const size_t needed = PanelFront<Real>::UpdateSize(f.front.remaining);
-      const auto usable = [&](const Hole& hole) {
-        return hole.size >= needed && hole.reader != s &&
-               ((subtree_of[s] != -1 && subtree_of[s] == subtree_of[hole.reader]) ||
-                hole.reader >= plan_->first_descendant[s]);
-      };
-      size_t best = holes.size();
-      for (size_t h = 0; needed > 0 && h < holes.size(); ++h) {
-        if (usable(holes[h]) && (best == holes.size() || holes[h].size < holes[best].size))
-          best = h;
-      }
-      if (best < holes.size()) {
-        f.update_offset = holes[best].begin;
-        holes[best].begin += needed;
-        holes[best].size -= needed;
-        if (holes[best].size == 0) holes.erase(holes.begin() + best);
-      } else {
-        f.update_offset = size;
-        size += needed;
-      }
-      for (int c : f.children) {
-        const size_t freed = PanelFront<Real>::UpdateSize(fronts_[c].front.remaining);
-        if (freed == 0) continue;
-        Hole hole{fronts_[c].update_offset, freed, s};
-        // Holes side by side become one, read last by the later reader.
-        for (size_t h = 0; h < holes.size();) {
-          const bool beside = holes[h].begin + holes[h].size == hole.begin ||
-                              hole.begin + hole.size == holes[h].begin;
-          const bool same = subtree_of[s] != -1 ? subtree_of[holes[h].reader] == subtree_of[s]
-                                                : holes[h].reader >= plan_->first_descendant[s];
-          if (beside && same) {
-            hole.begin = std::min(hole.begin, holes[h].begin);
-            hole.size += holes[h].size;
-            holes.erase(holes.begin() + h);
-          } else {
-            ++h;
-          }
-        }
-        holes.push_back(hole);
-      }
-    }
-    updates_ = FactorMemory<Real>(size);
+    const UpdatePlan updates = PlanUpdateMemory(*plan_, subtrees_, sizes);
+    for (size_t s = 0; s < fronts_.size(); ++s) fronts_[s].update_offset = updates.offset[s];
+    updates_ = FactorMemory<Real>(updates.size);
   }
 
   void RunTask(const Task& task, const BlockMatrix& S, const double* scale, Real min_pivot) {

@@ -80,6 +80,12 @@ struct SmallBundle {
 };
 
 // The tests below are run with every backend.
+const std::vector<Backend> kBackends{
+    Backend::kNative,
+#if HOLBA_WITH_CERES
+    Backend::kCeres,
+#endif
+};
 Backend tested_backend = Backend::kNative;
 
 SolverOptions Defaults() {
@@ -126,7 +132,7 @@ class StopReasonOf : public EveryBackend {};
 class FunctionTolerance : public EveryBackend {};
 #define HOLBA_FOR_EVERY_BACKEND(suite)                                         \
   INSTANTIATE_TEST_SUITE_P(Backends, suite,                                    \
-                           testing::Values(Backend::kNative, Backend::kCeres), \
+                           testing::ValuesIn(kBackends),                       \
                            [](const auto& info) {                              \
                              return info.param == Backend::kNative ? "Native" : "Ceres"; \
                            })
@@ -161,7 +167,7 @@ TEST_P(EverySolver, FindsTheSameOptimumOfNoisyObservationsFromEveryStart) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Solvers, EverySolver,
-                         testing::Combine(testing::Values(Backend::kNative, Backend::kCeres),
+                         testing::Combine(testing::ValuesIn(kBackends),
                                           testing::Values(LinearSolver::kAuto, LinearSolver::kDense,
                                                           LinearSolver::kSparse,
                                                           LinearSolver::kIterative),

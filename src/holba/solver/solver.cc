@@ -3,22 +3,30 @@
 
 #include <algorithm>
 
+#include "holba/base/check.h"
+#if HOLBA_WITH_CERES
 #include "holba/solver/ceres/ceres_backend.h"
+#endif
 #include "holba/solver/native/native_backend.h"
 
 namespace holba {
 
 void SolverOptions::Describe(OptionTable* table) {
   table->Section("Solver");
-  table->Choice("backend", &backend, {{"native", Backend::kNative}, {"ceres", Backend::kCeres}},
+  table->Choice("backend", &backend, {
+                    {"native", Backend::kNative},
+#if HOLBA_WITH_CERES
+                    {"ceres", Backend::kCeres},
+#endif
+                },
                 "Which solver does the work.");
   table->Choice("linear_solver", &linear_solver,
                 {{"auto", LinearSolver::kAuto},
                  {"dense", LinearSolver::kDense},
                  {"sparse", LinearSolver::kSparse},
                  {"iterative", LinearSolver::kIterative}},
-                "How the reduced system is solved; auto: dense up to 50 frames, sparse up to 1000, "
-                "then iterative.");
+                "How the reduced system is solved; auto: whichever has the least predicted work "
+                "(Ceres: dense up to 50 frames, sparse up to 1000, then iterative).");
   table->Choice("precision", &precision,
                 {{"auto", FactorPrecision::kAuto},
                  {"double", FactorPrecision::kDouble},
@@ -41,8 +49,8 @@ void SolverOptions::Describe(OptionTable* table) {
                 "Factorisation of the backend ceres with a dense reduced system; auto: LAPACK from "
                 "600 unknowns on.");
   table->Field("num_threads", &num_threads, AtLeast(-1),
-               "Threads; -1: as many as repeat bit for bit (Ceres: 1; with more its sums change in "
-               "the last digits).");
+               "Threads; -1: as many as repeat bit for bit (native: one per core; Ceres: 1, with more "
+               "its sums change in the last digits).");
   table->Field("max_num_iterations", &max_num_iterations, AtLeast(0),
                "Most iterations of one round (losses auto and the gate take several).");
   table->Field("max_linear_solver_iterations", &max_linear_solver_iterations, AtLeast(1),
@@ -95,7 +103,11 @@ SolverSummary Solve(const SolverOptions& options, Problem* problem) {
       summary = SolveNatively(options, problem);
       break;
     case Backend::kCeres:
+#if HOLBA_WITH_CERES
       summary = SolveWithCeres(options, problem);
+#else
+      HOLBA_CHECK_MSG(false, "this build has no Ceres (HOLBA_WITH_CERES)");
+#endif
       break;
   }
   if (options.analyse_reduced_system) summary.reduced_system = AnalyseReducedSystem(*problem);

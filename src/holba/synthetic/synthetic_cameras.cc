@@ -15,18 +15,6 @@
 namespace holba {
 namespace {
 
-// Camera at `centre` looking at `target`, turned by `roll_rad` about its axis.
-Rigid3d LookAt(const Eigen::Vector3d& centre, const Eigen::Vector3d& target, double roll_rad) {
-  const Eigen::Vector3d z = (target - centre).normalized();
-  const Eigen::Matrix<double, 3, 2> basis = TangentBasis(z);
-  Eigen::Matrix3d R;
-  R.row(0) = std::cos(roll_rad) * basis.col(0) + std::sin(roll_rad) * basis.col(1);
-  R.row(2) = z;
-  R.row(1) = z.cross(Eigen::Vector3d(R.row(0)));
-  const Eigen::Quaterniond q = Eigen::Quaterniond(R).normalized();
-  return {q, -(q * centre)};
-}
-
 // Sensors on a small circle around the reference, all looking at the same point of its axis.
 std::vector<Rigid3d> MakeSensors(int rig_size) {
   constexpr double kBaseline = 0.6;
@@ -55,6 +43,17 @@ SyntheticCameras Assemble(const Camera& camera, int rig_size, std::vector<Rigid3
 }
 
 }  // namespace
+
+Rigid3d LookAt(const Eigen::Vector3d& centre, const Eigen::Vector3d& target, double roll_rad) {
+  const Eigen::Vector3d z = (target - centre).normalized();
+  const Eigen::Matrix<double, 3, 2> basis = TangentBasis(z);
+  Eigen::Matrix3d R;
+  R.row(0) = std::cos(roll_rad) * basis.col(0) + std::sin(roll_rad) * basis.col(1);
+  R.row(2) = z;
+  R.row(1) = z.cross(Eigen::Vector3d(R.row(0)));
+  const Eigen::Quaterniond q = Eigen::Quaterniond(R).normalized();
+  return {q, -(q * centre)};
+}
 
 Camera MakeSyntheticCamera(const std::string& model_name) {
   Camera camera;

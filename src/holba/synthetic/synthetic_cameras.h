@@ -23,6 +23,9 @@ inline constexpr double kCorridorSpacing = 0.5;
 inline constexpr double kCorridorMinDepth = 4.0;
 inline constexpr double kCorridorMaxDepth = 12.0;
 
+// Camera at `centre` looking at `target`, turned by `roll_rad` about its axis.
+Rigid3d LookAt(const Eigen::Vector3d& centre, const Eigen::Vector3d& target, double roll_rad);
+
 // f 700, principal point in the middle, mild distortion of the model's kind. Throws InputError for
 // an unknown model.
 Camera MakeSyntheticCamera(const std::string& model_name);
