@@ -6,9 +6,9 @@
 namespace holba::native {
 namespace {
 
-// Speeds measured on one core of a 2023 server; only their ratios matter.
-constexpr double kDenseFlopsPerSecond = 4e10, kSparseFlopsPerSecond = 1.5e10;
-constexpr double kPairsPerSecond = 6e7;       // blocks of 6 x 6 that elimination adds to S
+// Speeds measured on one core of a 2023 server with AVX-512; only their ratios matter.
+constexpr double kDenseFlopsPerSecond = 1e11, kSparseFlopsPerSecond = 4e10;
+constexpr double kPairsPerSecond = 1e8;       // blocks of 6 x 6 that elimination adds to S
 constexpr double kStoredBytesPerSecond = 5e9;  // of T, in products with S
 constexpr double kExpectedProducts = 30.0;     // of conjugate gradients for one step
 // An exact step is worth this many inexact ones.

@@ -237,10 +237,17 @@ SolverSummary SolveNatively(const SolverOptions& options, Problem* problem) {
     return options.on_iteration(record);
   };
 
+  const auto linearise = [&] {
+    const Timer phase;
+    equations.Linearise(radius, &here);
+    const double seconds = phase.Seconds();
+    summary.linearise_seconds += here.evaluation_share * seconds;
+    summary.eliminate_seconds += (1.0 - here.evaluation_share) * seconds;
+  };
+
   {
     const Timer iteration_timer;
-    equations.Linearise(radius, &here);
-    summary.linearise_seconds += iteration_timer.Seconds();
+    linearise();
     record.cost = here.cost.total;
     summary.initial_terms = TermsOf(*problem, here.cost);
     summary.initial_cost = here.cost.total;
@@ -264,9 +271,7 @@ SolverSummary SolveNatively(const SolverOptions& options, Problem* problem) {
     }
     const Timer iteration_timer;
     if (!linearised) {
-      const Timer phase;
-      equations.Linearise(radius, &here);
-      summary.linearise_seconds += phase.Seconds();
+      linearise();
       linearised = true;
     }
     // A step of the linear model, and where it leads.
@@ -328,9 +333,7 @@ SolverSummary SolveNatively(const SolverOptions& options, Problem* problem) {
         options.parameter_tolerance * (trial.state_norm + options.parameter_tolerance);
     linearised = false;
     if (!converged && !short_step && !last) {
-      const Timer phase;
-      equations.Linearise(radius, &here);
-      summary.linearise_seconds += phase.Seconds();
+      linearise();
       linearised = true;
     }
     if (!report(iteration_timer)) {
@@ -349,7 +352,6 @@ SolverSummary SolveNatively(const SolverOptions& options, Problem* problem) {
 
   summary.final_terms = TermsOf(*problem, here.cost);
   summary.final_cost = here.cost.total;
-  summary.eliminate_seconds = 0.0;
   summary.total_seconds = timer.Seconds();
   return summary;
 }

@@ -9,6 +9,7 @@
 
 #include "holba/base/check.h"
 #include "holba/base/threads.h"
+#include "holba/base/timer.h"
 #include "holba/problem/weigh.h"
 
 namespace holba::native {
@@ -86,6 +87,7 @@ struct NormalEquations::SliceData {
   std::vector<uint32_t> pairs;
 
   std::vector<TermCost> cost, trial_cost;
+  double evaluation_seconds = 0.0, seconds = 0.0;  // of the last linearisation
   double appeared = 0.0, max_gradient = 0.0, model_change = 0.0, step_squares = 0.0,
          state_squares = 0.0;
   // Residuals that are present here and absent at the trial state.
@@ -622,7 +624,8 @@ void NormalEquations::LineariseSlice(
   for (auto* vector : {&slice->gradient, &slice->diagonal, &slice->reduction})
     std::fill(vector->begin(), vector->end(), 0.0);
   slice->cost.assign(problem_->batches().size(), {});
-  slice->max_gradient = 0.0;
+  slice->max_gradient = slice->evaluation_seconds = 0.0;
+  const Timer slice_timer;
   const auto rows_from_panel = HOLBA_SIMD_CHOOSE_IN(::holba::native, RowsFromPanel);
   const double* state = problem_->state().data();
   scratch->trial = false;
@@ -638,7 +641,9 @@ void NormalEquations::LineariseSlice(
       const Part& part = structure_.parts[chunk_part.part];
       scratch->panel_used = scratch->present_used = 0;
       Evaluated evaluated;
+      const Timer evaluation_timer;
       Evaluate(chunk_part, state, true, scratch, &evaluated);
+      slice->evaluation_seconds += evaluation_timer.Seconds();
       TermCost& cost = slice->cost[part.batch_idx];
       AddTo(&cost, evaluated.count, evaluated.cost);
       AddRemembered(chunk_part, evaluated, &cost);
@@ -665,6 +670,7 @@ void NormalEquations::LineariseSlice(
       visit(chunk, features, sums);
     }
   }
+  slice->seconds = slice_timer.Seconds();
 }
 
 // Slices' blocks into S (and U), in the order of the slices.
@@ -722,8 +728,11 @@ void NormalEquations::Linearise(double radius, Linearisation* out) {
   std::fill(diagonal_.begin(), diagonal_.end(), 0.0);
   std::fill(reduction_.begin(), reduction_.end(), 0.0);
   out->max_gradient = 0.0;
+  double evaluation_seconds = 0.0, seconds = 0.0;
   for (size_t s = 0; s < num_slices_; ++s) {
     const SliceData& slice = *slices_[s];
+    evaluation_seconds += slice.evaluation_seconds;
+    seconds += slice.seconds;
     for (size_t i = 0; i < padded; ++i) {
       gradient_[i] += slice.gradient[i];
       diagonal_[i] += slice.diagonal[i];
@@ -751,6 +760,7 @@ void NormalEquations::Linearise(double radius, Linearisation* out) {
     }
   }
   out->max_gradient += not_finite;  // NaN, if any entry is
+  out->evaluation_share = seconds > 0.0 ? evaluation_seconds / seconds : 1.0;
   CollectCost(false, &out->cost);
 }
 

@@ -34,6 +34,7 @@ struct StateCost {
 
 struct Linearisation {
   double max_gradient = 0.0;
+  double evaluation_share = 0.0;  // of the time: residuals and Jacobians; the rest is elimination
   StateCost cost;
 };
 
