@@ -11,6 +11,7 @@
 #include <memory>
 #include <vector>
 
+#include "apps/bench/solver_problems.h"
 #include "holba/base/check.h"
 #include "holba/base/timer.h"
 #include "holba/camera/snavely.h"
@@ -129,14 +130,6 @@ bool EvaluateBalResidual(const double* camera, const double* point, const Eigen:
     Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(d_point).noalias() = by_p * R;
   }
   return true;
-}
-
-bool IsBalModel(const Reconstruction& model) {
-  return std::all_of(model.cameras.begin(), model.cameras.end(), [](const auto& entry) {
-    const Camera& camera = entry.second;
-    return camera.model == &SnavelyCameraModel() && camera.params[1] == 0.0 &&
-           camera.params[2] == 0.0;
-  });
 }
 
 SolverSummary SolveBalWithPlainCeres(const SolverOptions& options, const Reconstruction& model) {

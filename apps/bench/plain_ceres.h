@@ -17,9 +17,6 @@ namespace holba {
 bool EvaluateBalResidual(const double* camera, const double* point, const Eigen::Vector2d& observed,
                          double* residual, double* d_camera, double* d_point);
 
-// Whether the model is what ReadBal gives: a Snavely camera for each image, principal point (0, 0).
-bool IsBalModel(const Reconstruction& model);
-
 // All poses, intrinsics and points free, square loss. Of the options: linear solver, dense library,
 // threads, tolerances, limits, on_iteration (without terms). The result is not written back.
 SolverSummary SolveBalWithPlainCeres(const SolverOptions& options, const Reconstruction& model);

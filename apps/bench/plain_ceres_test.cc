@@ -8,6 +8,7 @@
 #include <sstream>
 #include <string>
 
+#include "apps/bench/solver_problems.h"
 #include "holba/base/random.h"
 #include "holba/bundle/bundle_problem.h"
 #include "holba/io/bal.h"

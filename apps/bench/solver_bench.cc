@@ -8,7 +8,6 @@
 #include <limits>
 #include <utility>
 
-#include "apps/bench/plain_ceres.h"
 #include "holba/base/log.h"
 #include "holba/bundle/bundle_problem.h"
 #include "holba/evaluation/statistics.h"

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <filesystem>
 #include <optional>
@@ -10,6 +11,7 @@
 #include <utility>
 
 #include "holba/base/error.h"
+#include "holba/camera/snavely.h"
 #include "holba/io/bal.h"
 #include "holba/synthetic/bundle_problem.h"
 #include "holba/synthetic/point_graph.h"
@@ -184,6 +186,14 @@ Reconstruction LocalCut(const Reconstruction& model, size_t num_images, size_t m
 double ObservationsPerImage(bool is_collection, int num_images) {
   if (is_collection) return num_images <= 200 ? 1345.0 : 869.0;
   return num_images <= 500 ? 790.0 : num_images <= 2000 ? 600.0 : 406.0;
+}
+
+bool IsBalModel(const Reconstruction& model) {
+  return std::all_of(model.cameras.begin(), model.cameras.end(), [](const auto& entry) {
+    const Camera& camera = entry.second;
+    return camera.model == &SnavelyCameraModel() && camera.params[1] == 0.0 &&
+           camera.params[2] == 0.0;
+  });
 }
 
 }  // namespace holba

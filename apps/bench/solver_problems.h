@@ -48,4 +48,7 @@ Reconstruction LocalCut(const Reconstruction& model, size_t num_images, size_t m
 // Points seen per image of sequence_N and collection_N: fewer the larger, as in real ones.
 double ObservationsPerImage(bool is_collection, int num_images);
 
+// Whether the model is what ReadBal gives: a Snavely camera for each image, principal point (0, 0).
+bool IsBalModel(const Reconstruction& model);
+
 }  // namespace holba

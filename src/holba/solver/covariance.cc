@@ -34,10 +34,9 @@ std::optional<Covariance> Covariance::Compute(const Problem& problem, int num_th
   equations.Linearise(std::numeric_limits<double>::infinity(), &linearisation);
   data->Z = BlockMatrix(&equations.pattern());
   if (equations.structure().num_nodes() > 0) {
-    const auto solver =
-        native::IsSparseFaster(equations.pattern())
-            ? MakeSparseSolver(equations.pattern(), Precision::kDouble, num_threads)
-            : MakeDenseSolver(equations.pattern(), Precision::kDouble, num_threads);
+    const auto solver = native::IsSparseFaster(equations.pattern())
+                            ? MakeSparseSolver(equations.pattern(), Precision::kDouble, num_threads)
+                            : MakeDenseSolver(equations.pattern(), Precision::kDouble, num_threads);
     if (!solver->Factorise(equations.matrix()) || !solver->SelectedInverse(&data->Z))
       return std::nullopt;
   }
@@ -85,8 +84,8 @@ std::optional<Eigen::MatrixXd> Covariance::Between(BlockId a, BlockId b) const {
   const native::Columns &columns_a = structure.block_columns[a],
                         &columns_b = structure.block_columns[b];
   const Problem& problem = *data_->problem;
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(problem.block(a).manifold->tangent,
-                                              problem.block(b).manifold->tangent);
+  Eigen::MatrixXd out =
+      Eigen::MatrixXd::Zero(problem.block(a).manifold->tangent, problem.block(b).manifold->tangent);
   for (int i = 0; i < columns_a.count; ++i) {
     for (int j = 0; j < columns_b.count; ++j) {
       out(columns_a.tangent[i], columns_b.tangent[j]) = swap ? entry(j, i) : entry(i, j);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Uncertainty of every block of a problem at its state: the blocks of (J^T J)^-1, J the Jacobian of
-// the robustified, weighted residuals by the free tangent coordinates (as Ceres' Covariance with its
-// loss functions applied). Residuals in units of their standard deviation (weights) give covariances
-// in the units of the tangents.
+// the robustified, weighted residuals by the free tangent coordinates (as Ceres' Covariance with
+// its loss functions applied). Residuals in units of their standard deviation (weights) give
+// covariances in the units of the tangents.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,8 +21,9 @@ class Covariance {
   // system is singular (a gauge that is not fixed, a kept block that nothing observes).
   static std::optional<Covariance> Compute(const Problem& problem, int num_threads = -1);
 
-  // tangent x tangent, infinite for a feature that its residuals do not fix; rows and columns of held coordinates are 0, and so is all of a constant block,
-  // and of a block that no residual holds.
+  // tangent x tangent, infinite for a feature that its residuals do not fix; rows and columns of
+  // held coordinates are 0, and so is all of a constant block, and of a block that no residual
+  // holds.
   Eigen::MatrixXd Of(BlockId id) const;
   // Of two kept blocks that share a residual or a feature. Empty: they share none (their covariance
   // is not 0, but is not known here), or one of them does not move.

@@ -80,10 +80,10 @@ struct SmallBundle {
 };
 
 // The tests below are run with every backend.
-const std::vector<Backend> kBackends{
-    Backend::kNative,
+const std::vector<Backend> kBackends {
+  Backend::kNative,
 #if HOLBA_WITH_CERES
-    Backend::kCeres,
+      Backend::kCeres,
 #endif
 };
 Backend tested_backend = Backend::kNative;
@@ -130,12 +130,10 @@ class EveryBackend : public testing::TestWithParam<Backend> {
 class AbsentResiduals : public EveryBackend {};
 class StopReasonOf : public EveryBackend {};
 class FunctionTolerance : public EveryBackend {};
-#define HOLBA_FOR_EVERY_BACKEND(suite)                                         \
-  INSTANTIATE_TEST_SUITE_P(Backends, suite,                                    \
-                           testing::ValuesIn(kBackends),                       \
-                           [](const auto& info) {                              \
-                             return info.param == Backend::kNative ? "Native" : "Ceres"; \
-                           })
+#define HOLBA_FOR_EVERY_BACKEND(suite)                                                           \
+  INSTANTIATE_TEST_SUITE_P(Backends, suite, testing::ValuesIn(kBackends), [](const auto& info) { \
+    return info.param == Backend::kNative ? "Native" : "Ceres";                                  \
+  })
 HOLBA_FOR_EVERY_BACKEND(EveryBackend);
 HOLBA_FOR_EVERY_BACKEND(AbsentResiduals);
 HOLBA_FOR_EVERY_BACKEND(StopReasonOf);

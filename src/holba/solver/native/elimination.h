@@ -36,7 +36,8 @@ inline constexpr int kFeatureRow = 8;
 inline constexpr int kMaxPanelSegments = 4;
 
 struct PanelSegmentPart {
-  const double* jacobian = nullptr;  // entry (row, coordinate) at [(row * tangent + coordinate) * stride]
+  const double* jacobian =
+      nullptr;  // entry (row, coordinate) at [(row * tangent + coordinate) * stride]
   int tangent = 0;
   int first = 0;  // column in the segment
   int count = 0;
@@ -63,9 +64,9 @@ struct Panel {
 };
 
 // How the sums of a slice store a block of the reduced system, w_a x w_b: rows in groups of 8, a
-// group column by column; up to 3 rows beyond the last full group row by row, in padded rows. A pose
-// with its own intrinsics has 9 to 11 unknowns: padded to 16 rows it would take twice the memory,
-// and memory is what limits these sums.
+// group column by column; up to 3 rows beyond the last full group row by row, in padded rows. A
+// pose with its own intrinsics has 9 to 11 unknowns: padded to 16 rows it would take twice the
+// memory, and memory is what limits these sums.
 inline constexpr int kMaxTailRows = 3;
 constexpr int PaddedTo8(int width) { return (width + 7) / 8 * 8; }
 constexpr int TailRows(int width) {
@@ -79,10 +80,10 @@ constexpr size_t SumBlockSize(int width_a, int width_b) {
 
 // Sums of one slice. Vectors are padded: node n has the entries padded_offset[n] and following.
 struct Sums {
-  double* U = nullptr;         // blocks of the reduced system, before elimination ...
-  double* S = nullptr;         // ... and what is added to it by elimination; may be the same
-  double* gradient = nullptr;  // g_k
-  double* diagonal = nullptr;  // of U
+  double* U = nullptr;          // blocks of the reduced system, before elimination ...
+  double* S = nullptr;          // ... and what is added to it by elimination; may be the same
+  double* gradient = nullptr;   // g_k
+  double* diagonal = nullptr;   // of U
   double* reduction = nullptr;  // sum T y
   const uint32_t* padded_offset = nullptr;
   const int* width = nullptr;
@@ -98,7 +99,7 @@ inline constexpr uint32_t kNoBlock = ~uint32_t{0};
 struct ChunkFeatures {
   int tangent = 0;  // F
   size_t count = 0, stride = 0;
-  const uint32_t* clique = nullptr;       // of each feature
+  const uint32_t* clique = nullptr;        // of each feature
   const uint32_t* clique_begin = nullptr;  // cliques
   const uint32_t* clique_nodes = nullptr;
   const size_t* pairs_begin = nullptr;  // per clique; null: full pattern
@@ -146,10 +147,10 @@ HOLBA_SIMD_DECLARE(void SolveFeatures(const ChunkFeatures& chunk, double* h_to_x
 HOLBA_SIMD_DECLARE(double ModelChange(const Panel& panel, int feature_tangent, const double* jk,
                                       const double* x))
 
-// Covariances of the features of a chunk, L^-T (I + T^T Z T) L^-1 with Z = S^-1 on the blocks of S, T
-// where Eliminate left it: F x F entries of feature i at covariances[i * F * F]. Z is a BlockMatrix's
-// values; z_offset: of the blocks of the pairs (p, q <= p) of each feature's clique, from
-// z_begin[i] on.
+// Covariances of the features of a chunk, L^-T (I + T^T Z T) L^-1 with Z = S^-1 on the blocks of S,
+// T where Eliminate left it: F x F entries of feature i at covariances[i * F * F]. Z is a
+// BlockMatrix's values; z_offset: of the blocks of the pairs (p, q <= p) of each feature's clique,
+// from z_begin[i] on.
 HOLBA_SIMD_DECLARE(void FeatureCovariances(const ChunkFeatures& chunk, const Sums& sums,
                                            const double* Z, const size_t* z_offset,
                                            const size_t* z_begin, double* covariances))

@@ -25,9 +25,11 @@ HOLBA_SIMD_INLINE void Transpose(Pack*) {}
 template <int kSize, size_t... kLane>
 HOLBA_SIMD_INLINE void Exchange(Pack* a, Pack* b, std::index_sequence<kLane...>) {
   const Pack low = __builtin_shufflevector(
-      *a, *b, ((kLane & kSize) ? static_cast<int>(kLane) - kSize + kLanes : static_cast<int>(kLane))...);
+      *a, *b,
+      ((kLane & kSize) ? static_cast<int>(kLane) - kSize + kLanes : static_cast<int>(kLane))...);
   const Pack high = __builtin_shufflevector(
-      *a, *b, ((kLane & kSize) ? static_cast<int>(kLane) + kLanes : static_cast<int>(kLane) + kSize)...);
+      *a, *b,
+      ((kLane & kSize) ? static_cast<int>(kLane) + kLanes : static_cast<int>(kLane) + kSize)...);
   *a = low;
   *b = high;
 }
@@ -70,18 +72,18 @@ HOLBA_SIMD_INLINE void StoreFloats(Pack x, float* p) {
 }
 
 // Calls body with the number of packs of a padded width (8, 16, 24) as a constant.
-#define HOLBA_WITH_PACKS(padded, call)             \
-  do {                                             \
-    if ((padded) == 8) {                           \
-      constexpr int kPacks = 8 / kLanes;           \
-      call;                                        \
-    } else if ((padded) == 16) {                   \
-      constexpr int kPacks = 16 / kLanes;          \
-      call;                                        \
-    } else {                                       \
-      constexpr int kPacks = 24 / kLanes;          \
-      call;                                        \
-    }                                              \
+#define HOLBA_WITH_PACKS(padded, call)    \
+  do {                                    \
+    if ((padded) == 8) {                  \
+      constexpr int kPacks = 8 / kLanes;  \
+      call;                               \
+    } else if ((padded) == 16) {          \
+      constexpr int kPacks = 16 / kLanes; \
+      call;                               \
+    } else {                              \
+      constexpr int kPacks = 24 / kLanes; \
+      call;                               \
+    }                                     \
   } while (false)
 
 // The same with the tangent of the features: 3 (points), 4 (lines), others.
@@ -156,8 +158,8 @@ HOLBA_SIMD_INLINE void AddOuter(double* block, const double* a, int width_a, con
 
 // g += E^T r, diagonal of U, and the diagonal block of U, of one segment of one residual.
 template <int kPacks>
-HOLBA_SIMD_INLINE void AddOwn(const double* row, int dim, int row_stride, const double* e, int width,
-                              double* block, double* gradient, double* diagonal) {
+HOLBA_SIMD_INLINE void AddOwn(const double* row, int dim, int row_stride, const double* e,
+                              int width, double* block, double* gradient, double* diagonal) {
   Pack g[kPacks], d[kPacks];
   for (int v = 0; v < kPacks; ++v) {
     g[v] = Load(gradient + v * kLanes);
@@ -180,7 +182,8 @@ HOLBA_SIMD_INLINE void AddOwn(const double* row, int dim, int row_stride, const 
 
 // W(:, i) += E^T F(:, i).
 template <int kPacks, int kTangent>
-HOLBA_SIMD_INLINE void AddW(const double* row, int dim, int row_stride, const double* e, double* W) {
+HOLBA_SIMD_INLINE void AddW(const double* row, int dim, int row_stride, const double* e,
+                            double* W) {
   Pack w[kTangent][kPacks];
   for (int i = 0; i < kTangent; ++i) {
     for (int v = 0; v < kPacks; ++v) w[i][v] = Load(W + (i * kPacks + v) * kLanes);
@@ -205,7 +208,8 @@ HOLBA_SIMD_INLINE size_t RowBlockOffset(const Sums& sums, uint32_t a, uint32_t b
 
 // Block of nodes a >= b, at positions p and q of the clique; null: not kept.
 HOLBA_SIMD_INLINE double* PairBlock(const Sums& sums, const ChunkFeatures& chunk, uint32_t clique,
-                                    double* blocks, uint32_t p, uint32_t q, uint32_t a, uint32_t b) {
+                                    double* blocks, uint32_t p, uint32_t q, uint32_t a,
+                                    uint32_t b) {
   if (chunk.pairs_begin == nullptr) {
     return blocks + RowBlockOffset(sums, a, b);
   }
@@ -225,8 +229,7 @@ void AccumulateOf(const Panel& panel, const double* rows, const ChunkFeatures& c
     double* V = chunk.V + size_t{f} * kTangent * kFeatureRow;
     Pack sum[kTangent][kFeaturePacks];
     for (int i = 0; i < kTangent; ++i) {
-      for (int v = 0; v < kFeaturePacks; ++v)
-        sum[i][v] = Load(V + i * kFeatureRow + v * kLanes);
+      for (int v = 0; v < kFeaturePacks; ++v) sum[i][v] = Load(V + i * kFeatureRow + v * kLanes);
     }
     for (; j < panel.count && panel.local_feature[j] == f; ++j) {
       const double* row = rows + j * dim * row_stride;
@@ -248,10 +251,9 @@ void AccumulateOf(const Panel& panel, const double* rows, const ChunkFeatures& c
         double* block = sums.U + size_t{sums.diagonal_offset[node]} * kFeatureRow;
         double* gradient = sums.gradient + sums.padded_offset[node];
         double* diagonal = sums.diagonal + sums.padded_offset[node];
-        HOLBA_WITH_PACKS(segment.padded,
-                         (AddW<kPacks, kTangent>(row, dim, row_stride, e, W),
-                          AddOwn<kPacks>(row, dim, row_stride, e, segment.width, block, gradient,
-                                         diagonal)));
+        HOLBA_WITH_PACKS(segment.padded, (AddW<kPacks, kTangent>(row, dim, row_stride, e, W),
+                                          AddOwn<kPacks>(row, dim, row_stride, e, segment.width,
+                                                         block, gradient, diagonal)));
         const double* other = row + kFeatureRow;
         for (int t = 0; t < s; other += panel.segments[t].padded, ++t) {
           if (positions[t] == 0xFFFF) continue;
@@ -268,8 +270,7 @@ void AccumulateOf(const Panel& panel, const double* rows, const ChunkFeatures& c
       }
     }
     for (int i = 0; i < kTangent; ++i) {
-      for (int v = 0; v < kFeaturePacks; ++v)
-        Store(sum[i][v], V + i * kFeatureRow + v * kLanes);
+      for (int v = 0; v < kFeaturePacks; ++v) Store(sum[i][v], V + i * kFeatureRow + v * kLanes);
     }
   }
 }
@@ -366,8 +367,8 @@ HOLBA_SIMD_INLINE void SubtractColumns(double* block, const double* Tp, int padd
 
 // S(p, q) -= T_p T_q^T, over the run.
 template <int kTangent>
-__attribute__((noinline)) void SubtractPair(double* block, int width_p, const double* Tp, int width_q,
-                                    const double* Tq, const FeatureRun& run) {
+__attribute__((noinline)) void SubtractPair(double* block, int width_p, const double* Tp,
+                                            int width_q, const double* Tq, const FeatureRun& run) {
   const int padded_p = PaddedTo8(width_p), padded_q = PaddedTo8(width_q);
   const int grouped = GroupedRows(width_p);
   for (int group = 0; group < grouped; group += 8) {
@@ -486,10 +487,10 @@ void EliminateOf(const ChunkFeatures& chunk, const Sums& sums, float* stored) {
     const FeatureRun run{f - begin, size_t{first_offset[size]} - first_offset[0]};
     begin = f;
     for (uint32_t p = 0; p < size; ++p) {
-      const uint32_t* offsets =
-          chunk.pairs_begin == nullptr
-              ? nullptr
-              : chunk.pairs + chunk.pairs_begin[clique - chunk.first_clique] + size_t{p} * (p + 1) / 2;
+      const uint32_t* offsets = chunk.pairs_begin == nullptr
+                                    ? nullptr
+                                    : chunk.pairs + chunk.pairs_begin[clique - chunk.first_clique] +
+                                          size_t{p} * (p + 1) / 2;
       SubtractRow<kTangent>(chunk, sums, nodes, p, offsets, first_offset, run);
     }
   }
@@ -501,8 +502,8 @@ void EliminateOf(const ChunkFeatures& chunk, const Sums& sums, float* stored) {
 
 // sum += T_p^T Z T_q, entry (j, i) in its own pack.
 template <int kPacks, int kTangent>
-HOLBA_SIMD_INLINE void AddQuadratic(const double* Z, const double* Tp, const double* Tq, int width_q,
-                                    int padded_q, Pack (&sum)[kTangent][kTangent]) {
+HOLBA_SIMD_INLINE void AddQuadratic(const double* Z, const double* Tp, const double* Tq,
+                                    int width_q, int padded_q, Pack (&sum)[kTangent][kTangent]) {
   for (int v = 0; v < kPacks; ++v) {
     Pack product[kTangent];
     for (int i = 0; i < kTangent; ++i) product[i] = Broadcast(0.0);
@@ -553,7 +554,8 @@ void FeatureCovariancesOf(const ChunkFeatures& chunk, const Sums& sums, const do
     }
     double L[kTangent][kTangent] = {};  // L^-1
     for (int j = 0; j < kTangent; ++j) {
-      for (int i = 0; i <= j; ++i) L[j][i] = chunk.factors[(j * (j + 1) / 2 + i) * chunk.stride + f];
+      for (int i = 0; i <= j; ++i)
+        L[j][i] = chunk.factors[(j * (j + 1) / 2 + i) * chunk.stride + f];
       inner[j][j] += 1.0;
     }
     double* out = covariances + f * kTangent * kTangent;
@@ -754,7 +756,8 @@ void ApplyStep(const Panel& panel, int feature_tangent, const double* step,
         for (int c = 0; c < part.count; ++c) {
           const Pack d = Gather(step + part.first + c, step_base[s] + j);
           for (int k = 0; k < dim; ++k)
-            sum[k] += d * Load(part.jacobian + (k * part.tangent + part.columns[c]) * panel.stride + j);
+            sum[k] +=
+                d * Load(part.jacobian + (k * part.tangent + part.columns[c]) * panel.stride + j);
         }
       }
     }
@@ -788,7 +791,8 @@ double ModelChange(const Panel& panel, int feature_tangent, const double* jk, co
     for (int k = 0; k < panel.dim; ++k) {
       Pack change = Load(jk + k * panel.stride + j);
       for (int i = 0; i < feature_tangent; ++i)
-        change += d[i] * Load(panel.feature_jacobian + (k * feature_tangent + i) * panel.stride + j);
+        change +=
+            d[i] * Load(panel.feature_jacobian + (k * feature_tangent + i) * panel.stride + j);
       here += change * (Load(panel.residuals + k * panel.stride + j) + 0.5 * change);
     }
     if (lanes == kLanes) {

@@ -8,7 +8,7 @@ namespace {
 
 // Speeds measured on one core of a 2023 server with AVX-512; only their ratios matter.
 constexpr double kDenseFlopsPerSecond = 1e11, kSparseFlopsPerSecond = 4e10;
-constexpr double kPairsPerSecond = 1e8;       // blocks of 6 x 6 that elimination adds to S
+constexpr double kPairsPerSecond = 1e8;        // blocks of 6 x 6 that elimination adds to S
 constexpr double kStoredBytesPerSecond = 5e9;  // of T, in products with S
 constexpr double kExpectedProducts = 30.0;     // of conjugate gradients for one step
 // An exact step is worth this many inexact ones.
@@ -35,8 +35,7 @@ LinearSolver ChooseLinearSolver(const Structure& structure, const BlockPattern& 
       IsSparseFaster(pattern) ? LinearSolver::kSparse : LinearSolver::kDense;
   double stored_bytes = 0.0;
   for (const Chunk& chunk : structure.chunks) stored_bytes += 4.0 * chunk.w_size;
-  const double iterative_seconds =
-      kExpectedProducts * 2.0 * stored_bytes / kStoredBytesPerSecond;
+  const double iterative_seconds = kExpectedProducts * 2.0 * stored_bytes / kStoredBytesPerSecond;
   // The fill-in need not be known where elimination and a dense bound already decide.
   if (pattern.num_unknowns <= kMinSparseUnknowns) return direct;
   const double direct_seconds =

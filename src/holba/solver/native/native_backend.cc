@@ -101,14 +101,14 @@ class IterativeStep final : public StepSolver {
         name_ = "block Jacobi";
         break;
       case PreconditionerType::kBorder:
-        border_ =
-            std::make_unique<BorderPreconditioner>(pattern, num_poses, BorderOptions(), num_threads);
+        border_ = std::make_unique<BorderPreconditioner>(pattern, num_poses, BorderOptions(),
+                                                         num_threads);
         preconditioner_ = border_.get();
         name_ = "border";
         break;
       case PreconditionerType::kPowerSeries:
-        border_ =
-            std::make_unique<BorderPreconditioner>(pattern, num_poses, BorderOptions(), num_threads);
+        border_ = std::make_unique<BorderPreconditioner>(pattern, num_poses, BorderOptions(),
+                                                         num_threads);
         of_u_ = true;
         series_ = std::make_unique<PowerSeriesPreconditioner>(
             border_.get(), &eliminated_, pattern.num_unknowns, kPowerSeriesOrder);
@@ -123,9 +123,8 @@ class IterativeStep final : public StepSolver {
     const BlockMatrix& matrix = of_u_ ? equations->U() : equations->matrix();
     if (jacobi_) jacobi_->Set(matrix);
     if (border_) border_->Set(matrix);
-    const ConjugateGradientsResult result =
-        cg_.Solve(&schur_, preconditioner_, step.size(), equations->rhs().data(), cg_options_,
-                  step.data());
+    const ConjugateGradientsResult result = cg_.Solve(
+        &schur_, preconditioner_, step.size(), equations->rhs().data(), cg_options_, step.data());
     return result.iterations > 0 || result.end == ConjugateGradientsEnd::kConverged;
   }
   std::string Name() const override { return "conjugate gradients, implicit, " + name_; }
@@ -328,9 +327,8 @@ SolverSummary SolveNatively(const SolverOptions& options, Problem* problem) {
     const bool last = summary.iterations >= options.max_num_iterations;
     const bool converged = options.function_tolerance > 0.0 &&
                            std::abs(before - after) <= options.function_tolerance * before;
-    const bool short_step =
-        trial.step_norm <=
-        options.parameter_tolerance * (trial.state_norm + options.parameter_tolerance);
+    const bool short_step = trial.step_norm <= options.parameter_tolerance *
+                                                   (trial.state_norm + options.parameter_tolerance);
     linearised = false;
     if (!converged && !short_step && !last) {
       linearise();

@@ -376,7 +376,8 @@ void NormalEquations::MakeOffsets(SliceData* slice) {
   } else {
     for (uint32_t a = 0; a < s.num_nodes(); ++a) {
       slice->diagonal_offset[a] = static_cast<uint32_t>(
-          (row_offset_[a + 1] - SumBlockSize(pattern_.widths[a], pattern_.widths[a])) / kFeatureRow);
+          (row_offset_[a + 1] - SumBlockSize(pattern_.widths[a], pattern_.widths[a])) /
+          kFeatureRow);
     }
     slice->sums_size = row_offset_.back();
   }
@@ -502,7 +503,8 @@ void NormalEquations::Evaluate(const ChunkPart& chunk_part, const double* state,
       }
     }
   }
-  out->cost = jacobians ? WeighPanel(batch, count, out->panel) : CostOfPanel(batch, count, out->panel);
+  out->cost =
+      jacobians ? WeighPanel(batch, count, out->panel) : CostOfPanel(batch, count, out->panel);
   out->absent = out->cost.absent;
 }
 
@@ -596,7 +598,8 @@ void NormalEquations::CompareWithTrial(const ChunkPart& chunk_part, const Evalua
       }
     } else if (!now.panel.present[j] && !known) {
       double r[kMaxResidualDim], squares = 0.0;
-      for (int k = 0; k < batch.dim(); ++k) r[k] = trial.panel.residuals[k * trial.panel.stride + j];
+      for (int k = 0; k < batch.dim(); ++k)
+        r[k] = trial.panel.residuals[k * trial.panel.stride + j];
       AddValue(batch, r, &squares, &slice->appeared);
     }
   }
@@ -651,7 +654,8 @@ void NormalEquations::LineariseSlice(
       MakePanel(chunk_part, evaluated, &panel);
       rows_from_panel(panel, chunk.feature_tangent, scratch->rows.data());
       if (chunk.feature_tangent > 0) {
-        HOLBA_SIMD_CHOOSE_IN(::holba::native, Accumulate)(panel, scratch->rows.data(), features, sums);
+        HOLBA_SIMD_CHOOSE_IN(::holba::native, Accumulate)
+        (panel, scratch->rows.data(), features, sums);
       } else {
         const size_t n = part.num_segments;
         HOLBA_SIMD_CHOOSE_IN(::holba::native, AccumulateLoose)
@@ -665,8 +669,7 @@ void NormalEquations::LineariseSlice(
       if (!(figures.max_gradient <= slice->max_gradient))
         slice->max_gradient = figures.max_gradient;
       HOLBA_SIMD_CHOOSE_IN(::holba::native, Eliminate)
-      (features, sums,
-       form_ == SchurForm::kImplicit ? stored_.data() + stored_begin_[c] : nullptr);
+      (features, sums, form_ == SchurForm::kImplicit ? stored_.data() + stored_begin_[c] : nullptr);
       visit(chunk, features, sums);
     }
   }
@@ -748,9 +751,8 @@ void NormalEquations::Linearise(double radius, Linearisation* out) {
     for (int i = 0; i < width; ++i) {
       const double d = diagonal_[at + i], root = 1.0 + std::sqrt(d);
       // As FactoriseFeatures.
-      damping_[at + i] = structure_.held_column[at + i]
-                             ? 1.0
-                             : std::max(d, 1e-6 * root * root) / radius;
+      damping_[at + i] =
+          structure_.held_column[at + i] ? 1.0 : std::max(d, 1e-6 * root * root) / radius;
       S_.values.data()[block + i * stride + i] += damping_[at + i];
       if (form_ == SchurForm::kImplicit)
         U_.values.data()[block + i * stride + i] += damping_[at + i];
@@ -776,43 +778,42 @@ void NormalEquations::FeatureCovariances(const BlockMatrix& Z, std::vector<size_
   covariances->resize(begin->back());
   ForEachSlice([&](SliceData* slice, Scratch* scratch) {
     std::vector<size_t> z_offset, z_begin;
-    LineariseSlice(slice, 0.0, scratch,
-                   [&](const Chunk& chunk, const ChunkFeatures& features, const Sums& sums) {
-                     z_offset.clear();
-                     z_begin.clear();
-                     uint32_t last = kNone;
-                     for (size_t f = 0; f < features.count; ++f) {
-                       if (features.clique[f] == last) {
-                         z_begin.push_back(z_begin.back());
-                         continue;
-                       }
-                       last = features.clique[f];
-                       z_begin.push_back(z_offset.size());
-                       const auto nodes = s.cliques.Nodes(last);
-                       for (size_t p = 0; p < nodes.size(); ++p) {
-                         for (size_t q = 0; q <= p; ++q) {
-                           z_offset.push_back(Z.block_offset[pattern_.Find(
-                               static_cast<int>(nodes[p]), static_cast<int>(nodes[q]))]);
-                         }
-                       }
-                     }
-                     HOLBA_SIMD_CHOOSE_IN(::holba::native, FeatureCovariances)
-                     (features, sums, Z.values.data(), z_offset.data(), z_begin.data(),
-                      covariances->data() + (*begin)[chunk.feature_begin]);
-                     // What no residual fixes is anywhere.
-                     const int F = chunk.feature_tangent;
-                     for (size_t f = 0; f < features.count; ++f) {
-                       const ParameterBlock& block =
-                           problem_->block(s.features[chunk.feature_begin + f]);
-                       for (int i = 0; i < F; ++i) {
-                         const double inverse =
-                             features.factors[(i * (i + 1) / 2 + i) * features.stride + f];
-                         if (inverse != 0.0 || (block.held >> i & 1)) continue;
-                         std::fill_n(covariances->data() + (*begin)[chunk.feature_begin + f], F * F,
-                                     std::numeric_limits<double>::infinity());
-                       }
-                     }
-                   });
+    LineariseSlice(
+        slice, 0.0, scratch,
+        [&](const Chunk& chunk, const ChunkFeatures& features, const Sums& sums) {
+          z_offset.clear();
+          z_begin.clear();
+          uint32_t last = kNone;
+          for (size_t f = 0; f < features.count; ++f) {
+            if (features.clique[f] == last) {
+              z_begin.push_back(z_begin.back());
+              continue;
+            }
+            last = features.clique[f];
+            z_begin.push_back(z_offset.size());
+            const auto nodes = s.cliques.Nodes(last);
+            for (size_t p = 0; p < nodes.size(); ++p) {
+              for (size_t q = 0; q <= p; ++q) {
+                z_offset.push_back(Z.block_offset[pattern_.Find(static_cast<int>(nodes[p]),
+                                                                static_cast<int>(nodes[q]))]);
+              }
+            }
+          }
+          HOLBA_SIMD_CHOOSE_IN(::holba::native, FeatureCovariances)
+          (features, sums, Z.values.data(), z_offset.data(), z_begin.data(),
+           covariances->data() + (*begin)[chunk.feature_begin]);
+          // What no residual fixes is anywhere.
+          const int F = chunk.feature_tangent;
+          for (size_t f = 0; f < features.count; ++f) {
+            const ParameterBlock& block = problem_->block(s.features[chunk.feature_begin + f]);
+            for (int i = 0; i < F; ++i) {
+              const double inverse = features.factors[(i * (i + 1) / 2 + i) * features.stride + f];
+              if (inverse != 0.0 || (block.held >> i & 1)) continue;
+              std::fill_n(covariances->data() + (*begin)[chunk.feature_begin + f], F * F,
+                          std::numeric_limits<double>::infinity());
+            }
+          }
+        });
   });
 }
 
@@ -906,12 +907,13 @@ void NormalEquations::StepSlice(SliceData* slice, Scratch* scratch) {
           const size_t at = j * part.num_segments + s;
           if (F > 0) {
             const uint16_t position = panel.positions[at];
-            base[j] = position == kNoPosition
-                          ? nothing
-                          : padded_offset[features.clique_nodes
-                                              [features.clique_begin[features.clique
-                                                                         [panel.local_feature[j]]] +
-                                               position]];
+            base[j] =
+                position == kNoPosition
+                    ? nothing
+                    : padded_offset
+                          [features.clique_nodes
+                               [features.clique_begin[features.clique[panel.local_feature[j]]] +
+                                position]];
           } else {
             base[j] = panel.nodes[at] == kNone ? nothing : padded_offset[panel.nodes[at]];
           }
@@ -922,7 +924,8 @@ void NormalEquations::StepSlice(SliceData* slice, Scratch* scratch) {
       (panel, F, padded_step_.data(), bases, jk, scratch->pulled.data());
       for (int i = 0; i < F; ++i) {
         const double* pulled = scratch->pulled.data() + i * panel.stride;
-        for (size_t j = 0; j < panel.count; ++j) h[panel.local_feature[j] * kFeatureRow + i] += pulled[j];
+        for (size_t j = 0; j < panel.count; ++j)
+          h[panel.local_feature[j] * kFeatureRow + i] += pulled[j];
       }
       jk += panel.dim * panel.stride;
     }
@@ -945,7 +948,8 @@ void NormalEquations::StepSlice(SliceData* slice, Scratch* scratch) {
     scratch->trial = true;
     for (uint32_t p = 0; p < num_parts; ++p) {
       const ChunkPart& chunk_part = structure_.chunk_parts[chunk.parts_begin + p];
-      slice->model_change += HOLBA_SIMD_CHOOSE_IN(::holba::native, ModelChange)(panels[p], F, jk, h);
+      slice->model_change +=
+          HOLBA_SIMD_CHOOSE_IN(::holba::native, ModelChange)(panels[p], F, jk, h);
       jk += panels[p].dim * panels[p].stride;
       Evaluated trial;
       Evaluate(chunk_part, trial_state_.data(), false, scratch, &trial);
@@ -970,7 +974,8 @@ void NormalEquations::Step(std::span<const double> kept_step, Trial* out) {
     const ParameterBlock& block = problem_->block(id);
     if (block.constant) continue;
     double delta[kMaxTangent] = {};
-    const double* step = padded_step_.data() + structure_.node_padded_offset[place.node] + place.first;
+    const double* step =
+        padded_step_.data() + structure_.node_padded_offset[place.node] + place.first;
     for (int c = 0; c < columns.count; ++c) {
       if (!(block.held >> columns.tangent[c] & 1)) delta[columns.tangent[c]] = step[c];
     }
@@ -1002,7 +1007,8 @@ void NormalEquations::Accept(Problem* problem) {
       memory.known.resize(batch.size());
       memory.values.resize(batch.size() * batch.dim());
       memory.known[v.residual] = 1;
-      std::copy_n(v.values, batch.dim(), &memory.values[static_cast<size_t>(v.residual) * batch.dim()]);
+      std::copy_n(v.values, batch.dim(),
+                  &memory.values[static_cast<size_t>(v.residual) * batch.dim()]);
     }
   }
   problem->state() = trial_state_;

@@ -40,7 +40,7 @@ struct Linearisation {
 
 struct Trial {
   StateCost cost;
-  double model_change = 0.0;  // of the cost, by the linear model; negative
+  double model_change = 0.0;                 // of the cost, by the linear model; negative
   double step_norm = 0.0, state_norm = 0.0;  // of all variable blocks' values
 };
 
@@ -73,9 +73,9 @@ class NormalEquations {
   // The trial state becomes the problem's; remembers what residuals were that are absent there.
   void Accept(Problem* problem);
 
-  // After Linearise with an infinite radius (explicit form), Z the blocks of S^-1: covariances of the
-  // features in the structure's order, F x F entries of feature i from (*begin)[i] on. Linearise must
-  // be called again before anything else.
+  // After Linearise with an infinite radius (explicit form), Z the blocks of S^-1: covariances of
+  // the features in the structure's order, F x F entries of feature i from (*begin)[i] on.
+  // Linearise must be called again before anything else.
   void FeatureCovariances(const BlockMatrix& Z, std::vector<size_t>* begin,
                           std::vector<double>* covariances);
 

@@ -73,8 +73,8 @@ struct WavyProblem {
     problem.block(poses[0]).constant = true;
     problem.block(poses[1]).held = 0b001000;
     const auto batch_of = [&](const char* term, int dim, const std::vector<int>& tangents) {
-      auto batch = std::make_unique<KernelBatch<WavyKernel>>(term, dim, tangents,
-                                                             WavyKernel{dim, tangents});
+      auto batch =
+          std::make_unique<KernelBatch<WavyKernel>>(term, dim, tangents, WavyKernel{dim, tangents});
       batch->loss = {loss, 1.5};
       batch->weight = 1.7;
       return batch;
@@ -137,7 +137,8 @@ struct DenseSystem {
       }
     }
     int rows = 0;
-    for (const auto& batch : problem.batches()) rows += static_cast<int>(batch->size()) * batch->dim();
+    for (const auto& batch : problem.batches())
+      rows += static_cast<int>(batch->size()) * batch->dim();
     J.setZero(rows, columns);
     r.setZero(rows);
     int row = 0;
@@ -176,7 +177,8 @@ std::vector<int> PlacesOfKept(const NormalEquations& equations, const DenseSyste
   std::vector<int> places(equations.pattern().num_unknowns, -1);
   for (BlockId id : structure.node_blocks) {
     const Columns& columns = structure.block_columns[id];
-    const size_t at = equations.pattern().offset[structure.kept[id].node] + structure.kept[id].first;
+    const size_t at =
+        equations.pattern().offset[structure.kept[id].node] + structure.kept[id].first;
     for (int c = 0; c < columns.count; ++c) places[at + c] = dense.place[id][columns.tangent[c]];
   }
   return places;
@@ -195,8 +197,8 @@ class NormalEquationsOf : public testing::TestWithParam<Case> {
 
 std::vector<SimdTarget> SupportedTargets() {
   std::vector<SimdTarget> targets;
-  for (SimdTarget target : {SimdTarget::kScalar, SimdTarget::kVec128, SimdTarget::kVec256,
-                            SimdTarget::kVec512}) {
+  for (SimdTarget target :
+       {SimdTarget::kScalar, SimdTarget::kVec128, SimdTarget::kVec256, SimdTarget::kVec512}) {
     if (IsSupported(target)) targets.push_back(target);
   }
   return targets;
@@ -214,7 +216,8 @@ TEST_P(NormalEquationsOf, AreThoseOfTheDenseSystem) {
     H(i, i) += std::max(d, 1e-6 * std::pow(1.0 + std::sqrt(d), 2)) / radius;
   }
   const Eigen::VectorXd step = -H.ldlt().solve(g);
-  const double promised = 0.5 * (dense.r + dense.J * step).squaredNorm() - 0.5 * dense.r.squaredNorm();
+  const double promised =
+      0.5 * (dense.r + dense.J * step).squaredNorm() - 0.5 * dense.r.squaredNorm();
   // The Schur complement the slow way.
   std::vector<int> kept, eliminated;
   for (BlockId id = 0; id < problem.num_blocks(); ++id) {
@@ -244,7 +247,8 @@ TEST_P(NormalEquationsOf, AreThoseOfTheDenseSystem) {
       const size_t n = places.size();
       ASSERT_GT(n, 40u);
       // Its product with every unit vector; in implicit form from U and T.
-      const double tolerance = form == SchurForm::kExplicit ? 1e-10 : 2e-5;  // T is single precision
+      const double tolerance =
+          form == SchurForm::kExplicit ? 1e-10 : 2e-5;  // T is single precision
       const Eigen::MatrixXd U =
           form == SchurForm::kImplicit ? equations.U().ToDense() : Eigen::MatrixXd();
       const Eigen::MatrixXd matrix = equations.matrix().ToDense();
@@ -254,14 +258,14 @@ TEST_P(NormalEquationsOf, AreThoseOfTheDenseSystem) {
         unit[j] = 1.0;
         if (form == SchurForm::kImplicit) equations.MultiplyEliminated(unit.data(), column.data());
         for (size_t i = 0; i < n; ++i) {
-          const double found =
-              form == SchurForm::kExplicit ? matrix(i, j) : U(i, j) - column[i];
+          const double found = form == SchurForm::kExplicit ? matrix(i, j) : U(i, j) - column[i];
           const double expected = places[i] < 0 || places[j] < 0
                                       ? (i == j ? 1.0 : 0.0)
                                       : S(kept_idx[places[i]], kept_idx[places[j]]);
           ASSERT_NEAR(found, expected, tolerance * (1.0 + std::abs(expected))) << i << " " << j;
           // The preconditioner's blocks are those of S.
-          if (form == SchurForm::kImplicit && matrix(i, j) != 0.0 && places[i] >= 0 && places[j] >= 0) {
+          if (form == SchurForm::kImplicit && matrix(i, j) != 0.0 && places[i] >= 0 &&
+              places[j] >= 0) {
             ASSERT_NEAR(matrix(i, j), expected, 1e-10 * (1.0 + std::abs(expected)));
           }
         }
@@ -316,8 +320,7 @@ TEST_P(NormalEquationsOf, GiveTheCovariancesOfTheDenseSystem) {
         for (int j = 0; j < found.cols(); ++j) {
           const int p = dense.place[a][i], q = dense.place[b][j];
           const double value = p < 0 || q < 0 ? 0.0 : expected(p, q);
-          const double scale =
-              p < 0 || q < 0 ? 1.0 : std::sqrt(expected(p, p) * expected(q, q));
+          const double scale = p < 0 || q < 0 ? 1.0 : std::sqrt(expected(p, p) * expected(q, q));
           EXPECT_NEAR(found(i, j), value, 1e-8 * scale)
               << wavy.problem.block(a).kind << " " << wavy.problem.block(b).kind;
         }
@@ -336,8 +339,8 @@ TEST_P(NormalEquationsOf, GiveTheCovariancesOfTheDenseSystem) {
   const double zeros[4] = {};
   const BlockId weak =
       wavy.problem.AddBlock("feature", EuclideanOps(4), BlockRole::kFeature, zeros);
-  auto batch = std::make_unique<KernelBatch<WavyKernel>>("weak", 2, std::vector<int>{4},
-                                                         WavyKernel{2, {4}});
+  auto batch =
+      std::make_unique<KernelBatch<WavyKernel>>("weak", 2, std::vector<int>{4}, WavyKernel{2, {4}});
   batch->Add(std::array{weak}, {1});
   wavy.problem.AddBatch(std::move(batch));
   const std::optional<Covariance> covariance = Covariance::Compute(wavy.problem, 2);
@@ -357,10 +360,9 @@ TEST(NormalEquations, HaveNoCovarianceWhereTheGaugeIsFree) {
   WavyProblem wavy(false, LossType::kTrivial, 5);
   // A pose that nothing but a single scalar residual sees.
   const double zeros[6] = {};
-  const BlockId pose =
-      wavy.problem.AddBlock("pose", EuclideanOps(6), BlockRole::kKept, zeros);
-  auto batch = std::make_unique<KernelBatch<WavyKernel>>("weak", 1, std::vector<int>{6},
-                                                         WavyKernel{1, {6}});
+  const BlockId pose = wavy.problem.AddBlock("pose", EuclideanOps(6), BlockRole::kKept, zeros);
+  auto batch =
+      std::make_unique<KernelBatch<WavyKernel>>("weak", 1, std::vector<int>{6}, WavyKernel{1, {6}});
   batch->Add(std::array{pose}, {1});
   wavy.problem.AddBatch(std::move(batch));
   EXPECT_FALSE(Covariance::Compute(wavy.problem).has_value());

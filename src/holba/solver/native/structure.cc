@@ -63,8 +63,8 @@ void Structure::FindNodes(const Problem& problem) {
       ++k;
     if (k == kinds.size()) {
       HOLBA_CHECK_MSG(k < 255, "too many kinds of blocks");
-      kinds.push_back({block.kind, block.manifold->tangent, 0, block.kind == "pose",
-                       block.kind == "camera"});
+      kinds.push_back(
+          {block.kind, block.manifold->tangent, 0, block.kind == "pose", block.kind == "camera"});
     }
     kind_of_block_[id] = static_cast<uint8_t>(k);
     if (block.role == BlockRole::kKept) kinds[k].free |= FreeMask(block);
@@ -93,12 +93,12 @@ void Structure::FindNodes(const Problem& problem) {
         continue;
       }
       if (pose_of[camera] != pose) pose_of[camera] = pose_of[camera] == kNone ? pose : kSeveral;
-      if (camera_of[pose] != camera)
-        camera_of[pose] = camera_of[pose] == kNone ? camera : kSeveral;
+      if (camera_of[pose] != camera) camera_of[pose] = camera_of[pose] == kNone ? camera : kSeveral;
     }
   }
   for (size_t round = 0; round < meetings.size(); ++round) {
-    for (const auto& [a, b] : meetings) kinds[a].free = kinds[b].free = kinds[a].free | kinds[b].free;
+    for (const auto& [a, b] : meetings)
+      kinds[a].free = kinds[b].free = kinds[a].free | kinds[b].free;
   }
   merged_ = false;
   bool any_camera = false, all_alone = true;
@@ -137,9 +137,8 @@ void Structure::FindNodes(const Problem& problem) {
   };
   for (BlockId id = 0; id < num_blocks; ++id) {
     if (!kinds[kind_of_block_[id]].is_pose || problem.block(id).role != BlockRole::kKept) continue;
-    const BlockId camera = merged_ && camera_of[id] < kSeveral && moves(camera_of[id])
-                               ? camera_of[id]
-                               : kNone;
+    const BlockId camera =
+        merged_ && camera_of[id] < kSeveral && moves(camera_of[id]) ? camera_of[id] : kNone;
     if (!moves(id) && camera == kNone) continue;
     begin_node();
     if (kinds[kind_of_block_[id]].free != 0) add_block(id);
@@ -315,8 +314,9 @@ void Structure::OrderFeatures(const Problem& problem) {
     const bool narrow = node_width.size() < (1u << 15);
     const int shift = narrow ? 15 : 20, places = narrow ? 4 : 3;
     for (int i = 0; i < places; ++i) {
-      const uint64_t node =
-          static_cast<uint32_t>(i) < list_size_[f] ? std::min<uint32_t>(list[i] + 1, (1u << shift) - 1) : 0;
+      const uint64_t node = static_cast<uint32_t>(i) < list_size_[f]
+                                ? std::min<uint32_t>(list[i] + 1, (1u << shift) - 1)
+                                : 0;
       key |= node << (shift * (places - 1 - i));
     }
     keys_[f] = {key, static_cast<uint32_t>(f)};
@@ -396,7 +396,8 @@ void Structure::MakeChunks(const Problem& problem) {
       const size_t count = cp.end - cp.begin, stride = PanelStride(count);
       size_t entries = part.batch->dim();
       for (int s = 0; s < part.batch->num_slots(); ++s) {
-        if (part.wanted[s]) entries += static_cast<size_t>(part.batch->dim()) * part.batch->tangent(s);
+        if (part.wanted[s])
+          entries += static_cast<size_t>(part.batch->dim()) * part.batch->tangent(s);
       }
       panel += entries * stride;
       rows = std::max(rows, static_cast<size_t>(part.batch->dim()) * part.row_stride * stride);
@@ -456,10 +457,10 @@ void Structure::MakeChunks(const Problem& problem) {
           for (int s = 0; s < part.num_segments; ++s) {
             const uint32_t node = NodeOf(part, part.segments[s], part.residuals[j]);
             part.positions[j * part.num_segments + s] =
-                node == kNone ? kNoPosition
-                              : static_cast<uint16_t>(
-                                    std::lower_bound(nodes.begin(), nodes.end(), node) -
-                                    nodes.begin());
+                node == kNone
+                    ? kNoPosition
+                    : static_cast<uint16_t>(std::lower_bound(nodes.begin(), nodes.end(), node) -
+                                            nodes.begin());
           }
         }
       }

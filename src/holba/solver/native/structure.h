@@ -28,8 +28,8 @@ inline constexpr uint16_t kNoPosition = 0xFFFF;
 inline constexpr int kMaxFeatureTangent = 6;
 inline constexpr int kMaxSegments = kMaxSlots;
 
-// Columns of a block's Jacobian, as they stand in its node. Coordinates that every block of its kind
-// holds have no column; one that only this block holds keeps its column, filled with zeros.
+// Columns of a block's Jacobian, as they stand in its node. Coordinates that every block of its
+// kind holds have no column; one that only this block holds keeps its column, filled with zeros.
 struct Columns {
   int count = 0;
   std::array<uint8_t, kMaxTangent> tangent{};  // which tangent coordinate
@@ -58,7 +58,7 @@ struct Part {
   const ResidualBatch* batch = nullptr;
   int batch_idx = 0;
   int feature_slot = -1;
-  int feature_tangent = 0;  // 0: no feature
+  int feature_tangent = 0;               // 0: no feature
   std::array<bool, kMaxSlots> wanted{};  // Jacobians
   int num_segments = 0;
   std::array<Segment, kMaxSegments> segments{};
@@ -67,8 +67,8 @@ struct Part {
   // In the order in which they are worked on.
   std::vector<uint32_t> residuals;
   std::vector<uint16_t> local_feature;  // within its chunk
-  // Of segment s of residual j, at [j * num_segments + s]: its node's place in the feature's clique;
-  // kNoPosition: the blocks do not move.
+  // Of segment s of residual j, at [j * num_segments + s]: its node's place in the feature's
+  // clique; kNoPosition: the blocks do not move.
   std::vector<uint16_t> positions;
   // Without a feature: the node instead, or kNone.
   std::vector<uint32_t> nodes;
@@ -111,13 +111,13 @@ constexpr size_t PanelStride(size_t count) {
 
 struct Structure {
   // Nodes: poses (and what merged with them) first, then the border: nodes that several poses see.
-  std::vector<KeptBlock> kept;                  // by block id; node == kNone: constant or a feature
+  std::vector<KeptBlock> kept;  // by block id; node == kNone: constant or a feature
   std::vector<uint32_t> node_begin, node_blocks;  // blocks of each node
   std::vector<int> node_width;
-  std::vector<uint32_t> node_padded_offset;     // in padded vectors, one more than nodes
-  std::vector<Columns> block_columns;           // by block id, of variable kept blocks
-  uint32_t num_pose_nodes = 0;                  // the first ones
-  std::vector<uint8_t> held_column;  // of padded vectors: nothing moves it
+  std::vector<uint32_t> node_padded_offset;  // in padded vectors, one more than nodes
+  std::vector<Columns> block_columns;        // by block id, of variable kept blocks
+  uint32_t num_pose_nodes = 0;               // the first ones
+  std::vector<uint8_t> held_column;          // of padded vectors: nothing moves it
 
   std::vector<BlockId> features;  // in working order
   std::vector<uint32_t> feature_clique;
