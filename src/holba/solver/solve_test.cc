@@ -378,6 +378,25 @@ TEST_P(AbsentResiduals, ReturnWhenTheyArePresentAgain) {
   EXPECT_EQ(summary.final_terms[0].absent, 0u);
 }
 
+TEST_P(AbsentResiduals, CountOnceWhereTheyAppear) {
+  // The same, stopped at the first accepted step, which brings the residual into being.
+  ScalarProblem p(-3.0);
+  p.Add("late", {1.0, 2.5, 0.0});
+  p.Add("pull", {1.0, 2.0, kAlways});
+  SolverOptions options = Tight();
+  options.function_tolerance = 1.0;
+  const SolverSummary summary = Solve(options, &p.problem);
+  EXPECT_EQ(summary.accepted_steps, 1);
+  EXPECT_GT(p.x(), 0.0);
+  const std::vector<TermCost> terms = EvaluateTerms(p.problem);
+  EXPECT_NEAR(summary.final_cost, terms[0].cost + terms[1].cost, 1e-12);
+  for (int t : {0, 1}) {
+    EXPECT_NEAR(summary.final_terms[t].cost, terms[t].cost, 1e-12);
+    EXPECT_NEAR(summary.final_terms[t].sum_squares, terms[t].sum_squares, 1e-12);
+  }
+  EXPECT_GT(terms[0].cost, 0.01);
+}
+
 TEST_P(AbsentResiduals, OfAPointBehindACameraKeepTheLastPixels) {
   // A point is drawn behind the second camera by a strong pull in the first problem's own
   // coordinates: it is seen there no longer, but the cost of its two observations does not fall to

@@ -12,7 +12,8 @@
 namespace holba {
 
 enum class Backend { kNative, kCeres };
-// How the reduced system is solved; automatic: by the number of kept blocks (COLMAP's bounds).
+// How the reduced system is solved; automatic: native by the least predicted work, Ceres by the
+// number of frames (COLMAP's bounds).
 enum class LinearSolver { kAuto, kDense, kSparse, kIterative };
 // kMixed: a factor in single precision, its solutions refined to double accuracy.
 enum class FactorPrecision { kAuto, kDouble, kMixed };

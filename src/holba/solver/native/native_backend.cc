@@ -37,8 +37,7 @@ constexpr int kPowerSeriesOrder = 3;
 class StepSolver {
  public:
   virtual ~StepSolver() = default;
-  // The kept unknowns' step; false: none found at this damping. Adds the time of the factorisation
-  // to *factorise_seconds.
+  // The kept unknowns' step; false: none found at this damping.
   virtual bool Solve(NormalEquations* equations, std::span<double> step) = 0;
   virtual std::string Name() const = 0;
 };
@@ -317,8 +316,8 @@ SolverSummary SolveNatively(const SolverOptions& options, Problem* problem) {
     const double before = WatchedCost(*problem, here.cost, options.termination_counts_angular);
     equations.Accept(problem);
     here.cost = trial.cost;
-    here.cost.total += trial.cost.appeared;
     const double after = WatchedCost(*problem, here.cost, options.termination_counts_angular);
+    here.cost.CountAppeared();
     radius = std::min(radius / std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)),
                       kMaxRadius);
     shrink = 2.0;

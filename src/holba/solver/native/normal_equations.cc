@@ -44,6 +44,8 @@ struct NormalEquations::Scratch {
   AlignedDoubles panel, rows, W, V, jk, pulled, step_of_features, trial_panel;
   std::vector<uint32_t> first_position, w_offset;
   std::vector<int64_t> bases;
+  std::vector<Panel> panels;  // by part of the chunk
+  std::vector<Evaluated> evaluated;
   std::unique_ptr<bool[]> present, trial_present;
   size_t present_size = 0;
   std::atomic<bool> busy = false;
@@ -63,6 +65,8 @@ struct NormalEquations::Scratch {
     first_position.resize(std::max(first_position.size(), s.max_features + 1));
     w_offset.resize(std::max(w_offset.size(), s.max_positions + 1));
     bases.resize(std::max(bases.size(), s.max_residuals * kMaxSegments));
+    panels.resize(std::max(panels.size(), max_parts));
+    evaluated.resize(panels.size());
     const size_t needed = s.max_residuals * max_parts;
     if (present_size < needed) {
       present = std::make_unique<bool[]>(needed);
@@ -88,8 +92,8 @@ struct NormalEquations::SliceData {
 
   std::vector<TermCost> cost, trial_cost;
   double evaluation_seconds = 0.0, seconds = 0.0;  // of the last linearisation
-  double appeared = 0.0, max_gradient = 0.0, model_change = 0.0, step_squares = 0.0,
-         state_squares = 0.0;
+  std::vector<TermCost> appeared;                  // by batch, at the trial state
+  double max_gradient = 0.0, model_change = 0.0, step_squares = 0.0, state_squares = 0.0;
   // Residuals that are present here and absent at the trial state.
   struct Vanishing {
     int batch;
@@ -98,6 +102,15 @@ struct NormalEquations::SliceData {
   };
   std::vector<Vanishing> vanishing;
 };
+
+void StateCost::CountAppeared() {
+  for (size_t b = 0; b < appeared.size(); ++b) {
+    batches[b].sum_squares += appeared[b].sum_squares;
+    batches[b].cost += appeared[b].cost;
+    total += appeared[b].cost;
+    appeared[b] = {};
+  }
+}
 
 NormalEquations::NormalEquations() = default;
 NormalEquations::~NormalEquations() = default;
@@ -597,10 +610,16 @@ void NormalEquations::CompareWithTrial(const ChunkPart& chunk_part, const Evalua
                  &cost.cost);
       }
     } else if (!now.panel.present[j] && !known) {
-      double r[kMaxResidualDim], squares = 0.0;
+      double r[kMaxResidualDim];
       for (int k = 0; k < batch.dim(); ++k)
         r[k] = trial.panel.residuals[k * trial.panel.stride + j];
-      AddValue(batch, r, &squares, &slice->appeared);
+      double squares = 0.0, value = 0.0;
+      AddValue(batch, r, &squares, &value);
+      // It was counted with the others that are present.
+      cost.sum_squares -= squares;
+      cost.cost -= value;
+      slice->appeared[part.batch_idx].sum_squares += squares;
+      slice->appeared[part.batch_idx].cost += value;
     }
   }
 }
@@ -821,7 +840,7 @@ void NormalEquations::CollectCost(bool trial, StateCost* out) const {
   const size_t n = problem_->batches().size();
   out->batches.resize(n);
   out->total = 0.0;
-  out->appeared = 0.0;
+  out->appeared.assign(n, {});
   for (size_t b = 0; b < n; ++b) {
     TermCost& sum = out->batches[b];
     sum.residuals = fixed_costs_[b].residuals;
@@ -838,7 +857,12 @@ void NormalEquations::CollectCost(bool trial, StateCost* out) const {
     out->total += sum.cost;
   }
   if (trial) {
-    for (size_t s = 0; s < num_slices_; ++s) out->appeared += slices_[s]->appeared;
+    for (size_t s = 0; s < num_slices_; ++s) {
+      for (size_t b = 0; b < n; ++b) {
+        out->appeared[b].sum_squares += slices_[s]->appeared[b].sum_squares;
+        out->appeared[b].cost += slices_[s]->appeared[b].cost;
+      }
+    }
   }
 }
 
@@ -871,18 +895,17 @@ void NormalEquations::MultiplyEliminated(const double* x, double* y) {
 
 void NormalEquations::StepSlice(SliceData* slice, Scratch* scratch) {
   slice->trial_cost.assign(problem_->batches().size(), {});
-  slice->appeared = slice->model_change = slice->step_squares = slice->state_squares = 0.0;
+  slice->appeared.assign(problem_->batches().size(), {});
+  slice->model_change = slice->step_squares = slice->state_squares = 0.0;
   slice->vanishing.clear();
   const double* state = problem_->state().data();
   const uint32_t* padded_offset = structure_.node_padded_offset.data();
   const int64_t nothing = static_cast<int64_t>(structure_.padded_size());  // zeros
-  constexpr uint32_t kMaxParts = 64;
-  Panel panels[kMaxParts];
-  Evaluated evaluated[kMaxParts];
+  std::vector<Panel>& panels = scratch->panels;
+  std::vector<Evaluated>& evaluated = scratch->evaluated;
   for (uint32_t c = slice->chunk_begin; c < slice->chunk_end; ++c) {
     const Chunk& chunk = structure_.chunks[c];
     const uint32_t num_parts = chunk.parts_end - chunk.parts_begin;
-    HOLBA_CHECK(num_parts <= kMaxParts);
     const int F = chunk.feature_tangent;
     ChunkFeatures features;
     double* h = scratch->step_of_features.data();
@@ -1012,16 +1035,6 @@ void NormalEquations::Accept(Problem* problem) {
     }
   }
   problem->state() = trial_state_;
-}
-
-size_t NormalEquations::MemoryBytes() const {
-  size_t bytes = structure_.MemoryBytes() + factors_.size() * 8 + stored_.size() * 4 +
-                 (S_.values.size() + U_.values.size() + trial_state_.size()) * 8;
-  for (size_t s = 0; s < num_slices_; ++s) {
-    bytes += (slices_[s]->own_S.size() + slices_[s]->own_U.size()) * 8 +
-             slices_[s]->pairs.size() * 4 + slices_[s]->gradient.size() * 32;
-  }
-  return bytes;
 }
 
 }  // namespace holba::native

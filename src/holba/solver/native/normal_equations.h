@@ -27,9 +27,12 @@ enum class SchurForm {
 // Cost of all residuals at one state, by batch.
 struct StateCost {
   double total = 0.0;
-  // Of residuals that were never present before: not to be compared with the cost before.
-  double appeared = 0.0;
   std::vector<TermCost> batches;
+  // Of residuals that were never present before, not in the above: what they add cannot be compared
+  // with the cost before.
+  std::vector<TermCost> appeared;
+
+  void CountAppeared();
 };
 
 struct Linearisation {
@@ -80,7 +83,6 @@ class NormalEquations {
                           std::vector<double>* covariances);
 
   const Structure& structure() const { return structure_; }
-  size_t MemoryBytes() const;
 
  private:
   struct Scratch;
@@ -126,7 +128,6 @@ class NormalEquations {
   std::vector<float> stored_;
   std::vector<size_t> stored_begin_;  // by chunk
   std::vector<double> gradient_, diagonal_, reduction_, damping_, rhs_, padded_step_, padded_sum_;
-  std::vector<double> product_scratch_;
   std::vector<double> trial_state_;
   std::vector<TermCost> fixed_costs_;  // of batches' residuals that nothing moves
   // Values of residuals when they were last present, by batch; empty until needed.

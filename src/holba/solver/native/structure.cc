@@ -162,7 +162,6 @@ void Structure::FindNodes(const Problem& problem) {
 void Structure::FindParts(const Problem& problem) {
   // Parts keep their buffers from the last problem.
   size_t used = 0;
-  num_residuals = 0;
   const auto next_part = [&]() -> Part& {
     if (used == parts.size()) parts.emplace_back();
     Part& part = parts[used++];
@@ -213,7 +212,6 @@ void Structure::FindParts(const Problem& problem) {
       for (size_t i = 0; i < batch.size(); ++i) {
         if (slot_of[i] == feature_slot) part.residuals.push_back(static_cast<uint32_t>(i));
       }
-      num_residuals += count;
       // A slot gets a segment if any of its blocks moves.
       std::array<BlockId, kMaxSlots> example;
       example.fill(kNone);
@@ -353,7 +351,6 @@ void Structure::MakeChunks(const Problem& problem) {
   chunks.clear();
   chunk_parts.clear();
   factors_size = max_panel = max_rows = max_w = max_features = max_residuals = max_positions = 0;
-  elimination_flops = 0.0;
 
   // Residuals of every part in the order of their features.
   size_t num_feature_parts = 0;
@@ -402,10 +399,6 @@ void Structure::MakeChunks(const Problem& problem) {
       panel += entries * stride;
       rows = std::max(rows, static_cast<size_t>(part.batch->dim()) * part.row_stride * stride);
       residuals = std::max(residuals, stride);
-      elimination_flops +=
-          static_cast<double>(count) * part.batch->dim() *
-          (75.0 + 2.0 * part.feature_tangent * (part.feature_tangent + 1) +
-           (part.row_stride - 8.0) * (2.0 * part.feature_tangent + part.row_stride - 8.0));
     }
     const size_t num = RoundUp(chunk->feature_end - chunk->feature_begin, kPanelLanes);
     const int F = chunk->feature_tangent;
@@ -437,7 +430,6 @@ void Structure::MakeChunks(const Problem& problem) {
       chunk.num_positions += static_cast<uint32_t>(nodes.size());
       for (uint32_t node : nodes) {
         chunk.w_size += static_cast<size_t>(chunk.feature_tangent) * PaddedWidth(node_width[node]);
-        elimination_flops += 4.0 * chunk.feature_tangent * node_width[node];
       }
       ++end;
     }
@@ -535,17 +527,6 @@ double Structure::Work(const Chunk& chunk) const {
     work += 40.0 + 10.0 * size * (size + 1.0);
   }
   return work;
-}
-
-size_t Structure::MemoryBytes() const {
-  size_t bytes = features.capacity() * 8 + cliques.nodes.capacity() * 4 +
-                 cliques.begin.capacity() * 4 + chunks.capacity() * sizeof(Chunk) +
-                 chunk_parts.capacity() * sizeof(ChunkPart) + factors_size * 8;
-  for (const Part& part : parts) {
-    bytes += part.residuals.capacity() * 4 + part.local_feature.capacity() * 2 +
-             part.positions.capacity() * 2 + part.nodes.capacity() * 4;
-  }
-  return bytes;
 }
 
 }  // namespace holba::native

@@ -130,13 +130,10 @@ struct Structure {
   // Sizes of the largest chunk.
   size_t max_panel = 0, max_rows = 0, max_w = 0, max_features = 0, max_residuals = 0,
          max_positions = 0;
-  size_t num_residuals = 0;      // of all parts
-  double num_pairs = 0.0;        // of nodes, over all features, diagonal included
-  double elimination_flops = 0;  // of one fused pass, about
+  double num_pairs = 0.0;  // of nodes, over all features, diagonal included
 
   size_t num_nodes() const { return node_width.size(); }
   size_t padded_size() const { return node_padded_offset.empty() ? 0 : node_padded_offset.back(); }
-  size_t MemoryBytes() const;
 
   // From scratch; buffers keep their capacity, so that a second problem of the same size allocates
   // next to nothing.
