@@ -6,6 +6,7 @@
 #include "holba/problem/vector_work.h"
 #include "holba/residual/formulas.h"
 #include "holba/simd/pack.h"
+#include "holba/simd/rows.h"
 
 namespace holba::HOLBA_SIMD_TARGET {
 
@@ -26,12 +27,6 @@ HOLBA_SIMD_INLINE size_t OffsetOf(const VectorWork& work, int64_t residual, int 
   return work.offsets[work.blocks[residual * work.num_slots + slot]];
 }
 
-// base[idx[lane] + k] for k < N.
-template <int N>
-HOLBA_SIMD_INLINE void GatherRows(const double* base, const int64_t* idx, Pack* out) {
-  for (int k = 0; k < N; ++k) out[k] = Gather(base + k, idx);
-}
-
 // N parameters of a slot of each residual.
 template <int N>
 HOLBA_SIMD_INLINE void GatherSlot(const VectorWork& work, const PackOfResiduals& pack, int slot,
@@ -40,7 +35,7 @@ HOLBA_SIMD_INLINE void GatherSlot(const VectorWork& work, const PackOfResiduals&
   for (int lane = 0; lane < kLanes; ++lane) {
     idx[lane] = static_cast<int64_t>(OffsetOf(work, pack.residual[lane], slot));
   }
-  GatherRows<N>(work.state, idx, out);
+  LoadRows<N>(work.state, idx, out);
 }
 
 // Whether all residuals of the range have the same block in a slot.
@@ -77,7 +72,7 @@ HOLBA_SIMD_INLINE void GatherData(const VectorWork& work, const PackOfResiduals&
   const int64_t stride = static_cast<int64_t>(work.datum_bytes / sizeof(double));
   int64_t idx[kLanes];
   for (int lane = 0; lane < kLanes; ++lane) idx[lane] = pack.residual[lane] * stride;
-  GatherRows<N>(static_cast<const double*>(work.data) + at / sizeof(double), idx, out);
+  LoadRows<N>(static_cast<const double*>(work.data) + at / sizeof(double), idx, out);
 }
 
 HOLBA_SIMD_INLINE const char* DatumByte(const VectorWork& work, int64_t residual, size_t at) {
@@ -121,7 +116,7 @@ HOLBA_SIMD_INLINE void GatherSensors(const VectorWork& work, const PackOfResidua
     idx[lane] = (reinterpret_cast<intptr_t>(sensor) - reinterpret_cast<intptr_t>(kIdentity)) /
                 static_cast<int64_t>(sizeof(double));
   }
-  GatherRows<12>(kIdentity, idx, out);
+  LoadRows<12>(kIdentity, idx, out);
 }
 
 // The views of slot 1, with the sensor at that byte of the datum.

@@ -33,6 +33,11 @@ namespace holba::native {
 
 // Feature rows: F entries, zeros, and the residual last.
 inline constexpr int kFeatureRow = 8;
+// Of a residual's segment: its node's place in the feature's clique, and whether the residual is
+// the first of its chunk that touches that W, which it then sets instead of adding to it.
+inline constexpr uint16_t kNoPosition = 0xFFFF;  // the blocks do not move
+inline constexpr uint16_t kFirstTouch = 0x8000, kPositionMask = 0x7FFF;
+inline constexpr uint16_t kMaxPositions = 0x7FFF;
 inline constexpr int kMaxPanelSegments = 4;
 
 struct PanelSegmentPart {
@@ -58,7 +63,7 @@ struct Panel {
   int num_segments = 0;
   PanelSegment segments[kMaxPanelSegments];
   const uint16_t* local_feature = nullptr;
-  const uint16_t* positions = nullptr;  // count x num_segments
+  const uint16_t* positions = nullptr;  // count x num_segments, with kFirstTouch
   const uint32_t* nodes = nullptr;      // the same without a feature
   int row_stride = 0;
 };
@@ -120,7 +125,7 @@ struct ChunkSums {
 
 // Panels to rows: row k of residual j at rows + (j * dim + k) * row_stride.
 HOLBA_SIMD_DECLARE(void RowsFromPanel(const Panel& panel, int feature_tangent, double* rows))
-// Fills first_position, w_offset; zeroes W and V.
+// Fills first_position, w_offset; zeroes V.
 HOLBA_SIMD_DECLARE(void BeginChunk(const ChunkFeatures& chunk, const Sums& sums))
 // V, g, W, U, g_k and the diagonal of U.
 HOLBA_SIMD_DECLARE(void Accumulate(const Panel& panel, const double* rows,
@@ -136,12 +141,13 @@ HOLBA_SIMD_DECLARE(ChunkSums FactoriseFeatures(const ChunkFeatures& chunk, doubl
 // to `stored` (F x padded entries per position, positions in order) unless it is null.
 HOLBA_SIMD_DECLARE(void Eliminate(const ChunkFeatures& chunk, const Sums& sums, float* stored))
 
-// Back-substitution. step_base: for each segment, count entries: where in `step` (padded vector of
+// Back-substitution. step_base: for each segment, stride entries: where in `step` (padded vector of
 // the kept unknowns, with zeros where nothing moves) the node's entries begin. jk (dim x stride):
 // E k. pulled (F x stride): F^T (E k).
 HOLBA_SIMD_DECLARE(void ApplyStep(const Panel& panel, int feature_tangent, const double* step,
                                   const int64_t* const* step_base, double* jk, double* pulled))
-// x = -L^-T L^-1 (g + h), h and x as rows of kFeatureRow per feature (h becomes x).
+// x = -L^-T L^-1 (g + h), h and x as rows of kFeatureRow per feature, up to the chunk's stride (h
+// becomes x).
 HOLBA_SIMD_DECLARE(void SolveFeatures(const ChunkFeatures& chunk, double* h_to_x))
 // sum of (Jd) . (r + Jd / 2), d the whole step: minus the decrease that the linear model promises.
 HOLBA_SIMD_DECLARE(double ModelChange(const Panel& panel, int feature_tangent, const double* jk,

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <utility>
-
 #include "holba/simd/pack.h"
+#include "holba/simd/rows.h"
 #include "holba/solver/native/elimination.h"
 
 namespace holba::native::HOLBA_SIMD_TARGET {
@@ -11,40 +10,11 @@ using namespace holba::HOLBA_SIMD_TARGET;  // NOLINT: the packs of this target
 namespace {
 
 constexpr int kMaxTangentOfFeature = 6;
-constexpr int kMaxRow = kFeatureRow + kMaxPanelSegments * 24;
+constexpr int kMaxSegmentWidth = 24;
+constexpr int kMaxRow = kFeatureRow + kMaxPanelSegments * kMaxSegmentWidth;
 constexpr int kFeaturePacks = kFeatureRow / kLanes;
 
 HOLBA_SIMD_INLINE int Min(int a, int b) { return a < b ? a : b; }
-
-// ---- Transposition of kLanes packs.
-
-#if defined(HOLBA_SIMD_SCALAR)
-HOLBA_SIMD_INLINE void Transpose(Pack*) {}
-#else
-// Exchanges the halves of 2 x 2 blocks of size kSize of a and b.
-template <int kSize, size_t... kLane>
-HOLBA_SIMD_INLINE void Exchange(Pack* a, Pack* b, std::index_sequence<kLane...>) {
-  const Pack low = __builtin_shufflevector(
-      *a, *b,
-      ((kLane & kSize) ? static_cast<int>(kLane) - kSize + kLanes : static_cast<int>(kLane))...);
-  const Pack high = __builtin_shufflevector(
-      *a, *b,
-      ((kLane & kSize) ? static_cast<int>(kLane) + kLanes : static_cast<int>(kLane) + kSize)...);
-  *a = low;
-  *b = high;
-}
-template <int kSize>
-HOLBA_SIMD_INLINE void TransposeStep(Pack* x) {
-  for (int i = 0; i < kLanes; ++i) {
-    if (!(i & kSize)) Exchange<kSize>(x + i, x + i + kSize, std::make_index_sequence<kLanes>());
-  }
-}
-HOLBA_SIMD_INLINE void Transpose(Pack* x) {
-  TransposeStep<1>(x);
-  if constexpr (kLanes > 2) TransposeStep<2>(x);
-  if constexpr (kLanes > 4) TransposeStep<4>(x);
-}
-#endif
 
 // ---- Single precision storage.
 
@@ -180,13 +150,19 @@ HOLBA_SIMD_INLINE void AddOwn(const double* row, int dim, int row_stride, const 
   AddOuter(block, e, width, e, width, dim, row_stride);
 }
 
-// W(:, i) += E^T F(:, i).
+// W(:, i) += E^T F(:, i); the first touch sets it.
 template <int kPacks, int kTangent>
-HOLBA_SIMD_INLINE void AddW(const double* row, int dim, int row_stride, const double* e,
+HOLBA_SIMD_INLINE void AddW(const double* row, int dim, int row_stride, const double* e, bool first,
                             double* W) {
   Pack w[kTangent][kPacks];
-  for (int i = 0; i < kTangent; ++i) {
-    for (int v = 0; v < kPacks; ++v) w[i][v] = Load(W + (i * kPacks + v) * kLanes);
+  if (first) {
+    for (int i = 0; i < kTangent; ++i) {
+      for (int v = 0; v < kPacks; ++v) w[i][v] = Broadcast(0.0);
+    }
+  } else {
+    for (int i = 0; i < kTangent; ++i) {
+      for (int v = 0; v < kPacks; ++v) w[i][v] = Load(W + (i * kPacks + v) * kLanes);
+    }
   }
   for (int k = 0; k < dim; ++k) {
     Pack x[kPacks];
@@ -244,24 +220,29 @@ void AccumulateOf(const Panel& panel, const double* rows, const ChunkFeatures& c
       const uint16_t* positions = panel.positions + j * panel.num_segments;
       const double* e = row + kFeatureRow;
       for (int s = 0; s < panel.num_segments; e += panel.segments[s].padded, ++s) {
-        if (positions[s] == 0xFFFF) continue;
+        if (positions[s] == kNoPosition) continue;
         const PanelSegment& segment = panel.segments[s];
-        const uint32_t node = nodes[positions[s]];
-        double* W = chunk.W + chunk.w_offset[chunk.first_position[f] + positions[s]];
+        const uint32_t position = positions[s] & kPositionMask;
+        const bool first = (positions[s] & kFirstTouch) != 0;
+        const uint32_t node = nodes[position];
+        double* W = chunk.W + chunk.w_offset[chunk.first_position[f] + position];
         double* block = sums.U + size_t{sums.diagonal_offset[node]} * kFeatureRow;
         double* gradient = sums.gradient + sums.padded_offset[node];
         double* diagonal = sums.diagonal + sums.padded_offset[node];
-        HOLBA_WITH_PACKS(segment.padded, (AddW<kPacks, kTangent>(row, dim, row_stride, e, W),
+        HOLBA_WITH_PACKS(segment.padded, (AddW<kPacks, kTangent>(row, dim, row_stride, e, first, W),
                                           AddOwn<kPacks>(row, dim, row_stride, e, segment.width,
                                                          block, gradient, diagonal)));
         const double* other = row + kFeatureRow;
         for (int t = 0; t < s; other += panel.segments[t].padded, ++t) {
-          if (positions[t] == 0xFFFF) continue;
+          if (positions[t] == kNoPosition) continue;
           // Rows: the later node.
-          const bool swap = positions[t] > positions[s];
+          const uint32_t other_position = positions[t] & kPositionMask;
+          const bool swap = other_position > position;
           const int p = swap ? t : s, q = swap ? s : t;
-          double* pair = PairBlock(sums, chunk, clique, sums.U, positions[p], positions[q],
-                                   nodes[positions[p]], nodes[positions[q]]);
+          const uint32_t later = swap ? other_position : position,
+                         earlier = swap ? position : other_position;
+          double* pair = PairBlock(sums, chunk, clique, sums.U, later, earlier, nodes[later],
+                                   nodes[earlier]);
           if (pair == nullptr) continue;
           const double* ep = swap ? other : e;
           const double* eq = swap ? e : other;
@@ -286,12 +267,14 @@ ChunkSums FactoriseOf(const ChunkFeatures& chunk, double inverse_radius) {
       idx[l] = static_cast<int64_t>((i + l) * kTangent * kFeatureRow);
     Pack L[kTangent][kTangent], inverse[kTangent][kTangent];
     for (int a = 0; a < kTangent; ++a) {
-      const Pack g = Gather(chunk.V + a * kFeatureRow + kFeatureRow - 1, idx);
+      Pack row[kFeatureRow];
+      LoadRows<kFeatureRow>(chunk.V + a * kFeatureRow, idx, row);
+      const Pack g = row[kFeatureRow - 1];
       Store(g, chunk.factors + (kEntries + a) * chunk.stride + i);
       const Pack size = Abs(g);
       largest = size > largest ? size : largest;
       not_finite += g - g;
-      for (int b = 0; b <= a; ++b) L[a][b] = Gather(chunk.V + a * kFeatureRow + b, idx);
+      for (int b = 0; b <= a; ++b) L[a][b] = row[b];
     }
     for (int a = 0; a < kTangent; ++a) {
       const Pack v = L[a][a], root = 1.0 + Sqrt(v), floor = 1e-6 * root * root;
@@ -571,24 +554,34 @@ void FeatureCovariancesOf(const ChunkFeatures& chunk, const Sums& sums, const do
   }
 }
 
+// One lane per feature.
 template <int kTangent>
 void SolveFeaturesOf(const ChunkFeatures& chunk, double* h_to_x) {
   constexpr int kEntries = kTangent * (kTangent + 1) / 2;
-  for (size_t f = 0; f < chunk.count; ++f) {
-    double* x = h_to_x + f * kFeatureRow;
-    double b[kTangent], y[kTangent];
-    for (int i = 0; i < kTangent; ++i)
-      b[i] = x[i] + chunk.factors[(kEntries + i) * chunk.stride + f];
+  constexpr int kRow = (kTangent + kLanes - 1) / kLanes * kLanes;
+  int64_t idx[kLanes];
+  for (int l = 0; l < kLanes; ++l) idx[l] = l * kFeatureRow;
+  for (size_t f = 0; f < chunk.stride; f += kLanes) {
+    const auto factor = [&](int k) __attribute__((always_inline)) {
+      return Load(chunk.factors + k * chunk.stride + f);
+    };
+    double* rows = h_to_x + f * kFeatureRow;
+    Pack b[kTangent], y[kTangent], x[kRow];
+    LoadRows<kTangent>(rows, idx, b);
+    for (int i = 0; i < kTangent; ++i) b[i] += factor(kEntries + i);
     for (int i = 0; i < kTangent; ++i) {
-      y[i] = 0.0;
-      for (int k = 0; k <= i; ++k)
-        y[i] += chunk.factors[(i * (i + 1) / 2 + k) * chunk.stride + f] * b[k];
+      y[i] = factor(i * (i + 1) / 2) * b[0];
+      for (int k = 1; k <= i; ++k) y[i] += factor(i * (i + 1) / 2 + k) * b[k];
     }
     for (int i = 0; i < kTangent; ++i) {
-      double sum = 0.0;
-      for (int k = i; k < kTangent; ++k)
-        sum += chunk.factors[(k * (k + 1) / 2 + i) * chunk.stride + f] * y[k];
+      Pack sum = factor(i * (i + 1) / 2 + i) * y[i];
+      for (int k = i + 1; k < kTangent; ++k) sum += factor(k * (k + 1) / 2 + i) * y[k];
       x[i] = -sum;
+    }
+    for (int i = kTangent; i < kRow; ++i) x[i] = Broadcast(0.0);
+    for (int i = 0; i < kRow; i += kLanes) {
+      Transpose(x + i);
+      for (int l = 0; l < kLanes; ++l) Store(x[i + l], rows + l * kFeatureRow + i);
     }
   }
 }
@@ -685,9 +678,6 @@ void BeginChunk(const ChunkFeatures& chunk, const Sums& sums) {
   }
   chunk.first_position[chunk.count] = position;
   chunk.w_offset[position] = offset;
-  if (chunk.W != nullptr) {
-    for (size_t i = 0; i < offset; i += kLanes) Store(Broadcast(0.0), chunk.W + i);
-  }
   if (chunk.V != nullptr) {
     const size_t size = chunk.stride * chunk.tangent * kFeatureRow;
     for (size_t i = 0; i < size; i += kLanes) Store(Broadcast(0.0), chunk.V + i);
@@ -751,13 +741,14 @@ void ApplyStep(const Panel& panel, int feature_tangent, const double* step,
     for (int k = 0; k < dim; ++k) sum[k] = Broadcast(0.0);
     for (int s = 0; s < panel.num_segments; ++s) {
       const PanelSegment& segment = panel.segments[s];
+      Pack d[kMaxSegmentWidth];
+      for (int c = 0; c < segment.padded; c += 8) LoadRows<8>(step + c, step_base[s] + j, d + c);
       for (int p = 0; p < segment.num_parts; ++p) {
         const PanelSegmentPart& part = segment.parts[p];
         for (int c = 0; c < part.count; ++c) {
-          const Pack d = Gather(step + part.first + c, step_base[s] + j);
           for (int k = 0; k < dim; ++k)
-            sum[k] +=
-                d * Load(part.jacobian + (k * part.tangent + part.columns[c]) * panel.stride + j);
+            sum[k] += d[part.first + c] *
+                      Load(part.jacobian + (k * part.tangent + part.columns[c]) * panel.stride + j);
         }
       }
     }
@@ -781,11 +772,15 @@ double ModelChange(const Panel& panel, int feature_tangent, const double* jk, co
   int64_t idx[kLanes];
   for (size_t j = 0; j < panel.count; j += kLanes) {
     const int lanes = Min(kLanes, static_cast<int>(panel.count - j));
-    Pack d[kMaxTangentOfFeature];
+    Pack d[kFeatureRow];
     if (feature_tangent > 0) {
       for (int l = 0; l < kLanes; ++l)
         idx[l] = l < lanes ? panel.local_feature[j + l] * kFeatureRow : 0;
-      for (int i = 0; i < feature_tangent; ++i) d[i] = Gather(x + i, idx);
+      if (feature_tangent <= 4) {
+        LoadRows<4>(x, idx, d);
+      } else {
+        LoadRows<kFeatureRow>(x, idx, d);
+      }
     }
     Pack here = Broadcast(0.0);
     for (int k = 0; k < panel.dim; ++k) {

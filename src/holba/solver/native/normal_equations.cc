@@ -43,7 +43,7 @@ struct NormalEquations::Evaluated {
 struct NormalEquations::Scratch {
   AlignedDoubles panel, rows, W, V, jk, pulled, step_of_features, trial_panel;
   std::vector<uint32_t> first_position, w_offset;
-  std::vector<int64_t> bases;
+  std::vector<int64_t> bases, base_of_position;
   std::vector<Panel> panels;  // by part of the chunk
   std::vector<Evaluated> evaluated;
   std::unique_ptr<bool[]> present, trial_present;
@@ -65,6 +65,7 @@ struct NormalEquations::Scratch {
     first_position.resize(std::max(first_position.size(), s.max_features + 1));
     w_offset.resize(std::max(w_offset.size(), s.max_positions + 1));
     bases.resize(std::max(bases.size(), s.max_residuals * kMaxSegments));
+    base_of_position.resize(w_offset.size());
     panels.resize(std::max(panels.size(), max_parts));
     evaluated.resize(panels.size());
     const size_t needed = s.max_residuals * max_parts;
@@ -909,9 +910,16 @@ void NormalEquations::StepSlice(SliceData* slice, Scratch* scratch) {
     const int F = chunk.feature_tangent;
     ChunkFeatures features;
     double* h = scratch->step_of_features.data();
+    int64_t* base_of_position = scratch->base_of_position.data();
     if (F > 0) {
       features = FeaturesOf(chunk, *slice, scratch);
       std::fill_n(h, features.stride * kFeatureRow, 0.0);
+      uint32_t position = 0;
+      for (size_t f = 0; f < features.count; ++f) {
+        features.first_position[f] = position;
+        for (uint32_t node : structure_.cliques.Nodes(features.clique[f]))
+          base_of_position[position++] = padded_offset[node];
+      }
     }
     scratch->trial = false;
     scratch->panel_used = scratch->present_used = 0;
@@ -930,13 +938,10 @@ void NormalEquations::StepSlice(SliceData* slice, Scratch* scratch) {
           const size_t at = j * part.num_segments + s;
           if (F > 0) {
             const uint16_t position = panel.positions[at];
-            base[j] =
-                position == kNoPosition
-                    ? nothing
-                    : padded_offset
-                          [features.clique_nodes
-                               [features.clique_begin[features.clique[panel.local_feature[j]]] +
-                                position]];
+            base[j] = position == kNoPosition
+                          ? nothing
+                          : base_of_position[features.first_position[panel.local_feature[j]] +
+                                             (position & kPositionMask)];
           } else {
             base[j] = panel.nodes[at] == kNone ? nothing : padded_offset[panel.nodes[at]];
           }
@@ -946,9 +951,14 @@ void NormalEquations::StepSlice(SliceData* slice, Scratch* scratch) {
       HOLBA_SIMD_CHOOSE_IN(::holba::native, ApplyStep)
       (panel, F, padded_step_.data(), bases, jk, scratch->pulled.data());
       for (int i = 0; i < F; ++i) {
+        // A feature's residuals stand side by side.
         const double* pulled = scratch->pulled.data() + i * panel.stride;
-        for (size_t j = 0; j < panel.count; ++j)
-          h[panel.local_feature[j] * kFeatureRow + i] += pulled[j];
+        for (size_t j = 0; j < panel.count;) {
+          const uint16_t f = panel.local_feature[j];
+          double sum = 0.0;
+          for (; j < panel.count && panel.local_feature[j] == f; ++j) sum += pulled[j];
+          h[f * kFeatureRow + i] += sum;
+        }
       }
       jk += panel.dim * panel.stride;
     }

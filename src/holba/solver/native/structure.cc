@@ -5,6 +5,7 @@
 #include <bit>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "holba/base/check.h"
 #include "holba/linear/block_matrix.h"
@@ -426,7 +427,7 @@ void Structure::MakeChunks(const Problem& problem) {
         residuals += start[end + 1] - start[end];
       }
       const auto nodes = cliques.Nodes(feature_clique[end]);
-      HOLBA_CHECK_MSG(nodes.size() < kNoPosition, "a feature sees more than 65534 kept blocks");
+      HOLBA_CHECK_MSG(nodes.size() <= kMaxPositions, "a feature sees more than 32767 kept blocks");
       chunk.num_positions += static_cast<uint32_t>(nodes.size());
       for (uint32_t node : nodes) {
         chunk.w_size += static_cast<size_t>(chunk.feature_tangent) * PaddedWidth(node_width[node]);
@@ -435,6 +436,7 @@ void Structure::MakeChunks(const Problem& problem) {
     }
     chunk.feature_end = end;
     chunk.parts_begin = static_cast<uint32_t>(chunk_parts.size());
+    touched_.assign(chunk.num_positions, 0);
     size_t k = 0;
     for (uint32_t part_idx = 0; part_idx < parts.size(); ++part_idx) {
       Part& part = parts[part_idx];
@@ -442,19 +444,24 @@ void Structure::MakeChunks(const Problem& problem) {
       const uint32_t* start = &part_start_[k++ * (n + 1)];
       if (start[begin] == start[end]) continue;
       chunk_parts.push_back({part_idx, start[begin], start[end]});
+      uint8_t* touched = touched_.data();
       for (uint32_t f = begin; f < end; ++f) {
         const auto nodes = cliques.Nodes(feature_clique[f]);
         for (uint32_t j = start[f]; j < start[f + 1]; ++j) {
           part.local_feature[j] = static_cast<uint16_t>(f - begin);
           for (int s = 0; s < part.num_segments; ++s) {
             const uint32_t node = NodeOf(part, part.segments[s], part.residuals[j]);
-            part.positions[j * part.num_segments + s] =
-                node == kNone
-                    ? kNoPosition
-                    : static_cast<uint16_t>(std::lower_bound(nodes.begin(), nodes.end(), node) -
-                                            nodes.begin());
+            uint16_t& position = part.positions[j * part.num_segments + s];
+            if (node == kNone) {
+              position = kNoPosition;
+              continue;
+            }
+            position = static_cast<uint16_t>(std::lower_bound(nodes.begin(), nodes.end(), node) -
+                                             nodes.begin());
+            if (!std::exchange(touched[position], uint8_t{1})) position |= kFirstTouch;
           }
         }
+        touched += nodes.size();
       }
     }
     chunk.parts_end = static_cast<uint32_t>(chunk_parts.size());

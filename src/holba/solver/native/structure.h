@@ -20,11 +20,11 @@
 #include <vector>
 
 #include "holba/problem/problem.h"
+#include "holba/solver/native/elimination.h"
 
 namespace holba::native {
 
 inline constexpr uint32_t kNone = ~uint32_t{0};
-inline constexpr uint16_t kNoPosition = 0xFFFF;
 inline constexpr int kMaxFeatureTangent = 6;
 inline constexpr int kMaxSegments = kMaxSlots;
 
@@ -67,8 +67,8 @@ struct Part {
   // In the order in which they are worked on.
   std::vector<uint32_t> residuals;
   std::vector<uint16_t> local_feature;  // within its chunk
-  // Of segment s of residual j, at [j * num_segments + s]: its node's place in the feature's
-  // clique; kNoPosition: the blocks do not move.
+  // Of segment s of residual j, at [j * num_segments + s]: kNoPosition, or its node's place in the
+  // feature's clique and kFirstTouch (elimination.h).
   std::vector<uint16_t> positions;
   // Without a feature: the node instead, or kNone.
   std::vector<uint32_t> nodes;
@@ -162,5 +162,6 @@ struct Structure {
   std::vector<uint32_t> feature_of_block_, list_begin_, list_size_, lists_, rank_;
   std::vector<std::pair<uint64_t, uint32_t>> keys_;
   std::vector<uint32_t> part_start_, still_;
+  std::vector<uint8_t> touched_;
 };
 }  // namespace holba::native
