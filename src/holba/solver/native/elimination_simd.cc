@@ -194,9 +194,92 @@ HOLBA_SIMD_INLINE double* PairBlock(const Sums& sums, const ChunkFeatures& chunk
   return offset == kNoBlock ? nullptr : blocks + size_t{offset} * kFeatureRow;
 }
 
+// Accumulate for residuals of one segment, whose size and dimension are constants: points and lines
+// seen by cameras, most of all residuals.
+template <int kTangent, int kDim, int kWidth>
+void AccumulateAlone(const Panel& panel, const double* rows, const ChunkFeatures& chunk,
+                     const Sums& sums) {
+  constexpr int kPadded = PaddedTo8(kWidth), kPacks = kPadded / kLanes;
+  constexpr int kGrouped = GroupedRows(kWidth), kRowStride = kFeatureRow + kPadded;
+  const double* row = rows;
+  for (size_t j = 0; j < panel.count;) {
+    const uint32_t f = panel.local_feature[j];
+    const uint32_t* nodes = chunk.clique_nodes + chunk.clique_begin[chunk.clique[f]];
+    const uint32_t* w_offset = chunk.w_offset + chunk.first_position[f];
+    double* V = chunk.V + size_t{f} * kTangent * kFeatureRow;
+    Pack sum[kTangent][kFeaturePacks];
+    for (int i = 0; i < kTangent; ++i) {
+      for (int v = 0; v < kFeaturePacks; ++v) sum[i][v] = Load(V + i * kFeatureRow + v * kLanes);
+    }
+    for (; j < panel.count && panel.local_feature[j] == f; ++j, row += kDim * kRowStride) {
+      for (int k = 0; k < kDim; ++k) {
+        const double* feature_row = row + k * kRowStride;
+        for (int v = 0; v < kFeaturePacks; ++v) {
+          const Pack x = Load(feature_row + v * kLanes);
+          for (int i = 0; i < kTangent; ++i) sum[i][v] += x * feature_row[i];
+        }
+      }
+      if (panel.positions[j] == kNoPosition) continue;
+      const uint32_t position = panel.positions[j] & kPositionMask;
+      const bool first = (panel.positions[j] & kFirstTouch) != 0;
+      const uint32_t node = nodes[position];
+      const double* e = row + kFeatureRow;
+      AddW<kPacks, kTangent>(row, kDim, kRowStride, e, first, chunk.W + w_offset[position]);
+      double* block = sums.U + size_t{sums.diagonal_offset[node]} * kFeatureRow;
+      double* gradient = sums.gradient + sums.padded_offset[node];
+      double* diagonal = sums.diagonal + sums.padded_offset[node];
+      for (int v = 0; v < kPadded; v += kLanes) {
+        Pack x[kDim];
+        Pack g = Load(gradient + v), d = Load(diagonal + v);
+        for (int k = 0; k < kDim; ++k) {
+          x[k] = Load(e + k * kRowStride + v);
+          g += x[k] * row[k * kRowStride + kFeatureRow - 1];
+          d += x[k] * x[k];
+        }
+        Store(g, gradient + v);
+        Store(d, diagonal + v);
+        if (v < kGrouped) {
+          double* column = block + v / 8 * 8 * kWidth + v % 8;
+          for (int c = 0; c < kWidth; ++c) {
+            Pack u = Load(column + c * 8);
+            for (int k = 0; k < kDim; ++k) u += x[k] * e[k * kRowStride + c];
+            Store(u, column + c * 8);
+          }
+        }
+        for (int r = kGrouped; r < kWidth; ++r) {
+          double* tail = block + kGrouped * kWidth + (r - kGrouped) * kPadded + v;
+          Pack u = Load(tail);
+          for (int k = 0; k < kDim; ++k) u += x[k] * e[k * kRowStride + r];
+          Store(u, tail);
+        }
+      }
+    }
+    for (int i = 0; i < kTangent; ++i) {
+      for (int v = 0; v < kFeaturePacks; ++v) Store(sum[i][v], V + i * kFeatureRow + v * kLanes);
+    }
+  }
+}
+
 template <int kTangent>
 void AccumulateOf(const Panel& panel, const double* rows, const ChunkFeatures& chunk,
                   const Sums& sums) {
+  if (panel.num_segments == 1) {
+    const int width = panel.segments[0].width;
+    if constexpr (kTangent == 3) {
+      if (panel.dim == 2 && width == 6)
+        return AccumulateAlone<kTangent, 2, 6>(panel, rows, chunk, sums);
+      if (panel.dim == 2 && width == 9)
+        return AccumulateAlone<kTangent, 2, 9>(panel, rows, chunk, sums);
+    }
+    if constexpr (kTangent == 3 || kTangent == 4) {
+      if (panel.dim == 1 && width == 6)
+        return AccumulateAlone<kTangent, 1, 6>(panel, rows, chunk, sums);
+    }
+    if constexpr (kTangent == 4) {
+      if (panel.dim == 4 && width == 6)
+        return AccumulateAlone<kTangent, 4, 6>(panel, rows, chunk, sums);
+    }
+  }
   const int dim = panel.dim, row_stride = panel.row_stride;
   for (size_t j = 0; j < panel.count;) {
     const uint32_t f = panel.local_feature[j];
