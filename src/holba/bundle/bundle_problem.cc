@@ -70,6 +70,8 @@ class Builder {
     const CameraModel* model;
     const double* params;
     bool observations_move;
+    const Image* image;
+    KernelBatch<PointResidual>* points = nullptr;  // of its camera model, once there is one
   };
 
   void AddPosesAndCameras() {
@@ -109,7 +111,8 @@ class Builder {
           sensor->second,
           camera.model,
           camera.params.data(),
-          !camera.model->is_pinhole && problem_.block(intrinsics->second).FreeTangent() > 0};
+          !camera.model->is_pinhole && problem_.block(intrinsics->second).FreeTangent() > 0,
+          &image};
     }
   }
 
@@ -157,6 +160,13 @@ class Builder {
   }
 
   void AddPoints() {
+    points_.reserve(model_.points3D.size());
+    out_.points.reserve(model_.points3D.size());
+    size_t num_observations = 0;
+    for (const auto& [id, point] : model_.points3D) num_observations += point.track.size();
+    const bool one_model = std::all_of(images_.begin(), images_.end(), [&](const auto& image) {
+      return image.second.model == images_.begin()->second.model;
+    });
     for (const auto& [id, point] : model_.points3D) {
       const BlockId block = problem_.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature,
                                               {point.xyz.data(), 3});
@@ -164,13 +174,15 @@ class Builder {
       points_[id] = block;
       out_.points.emplace_back(id, block);
       for (const PointObservation& observation : point.track) {
-        const ImageBlocks& image = images_.at(observation.image_id);
-        auto& batch = BatchOf<PointResidual>("point", {3, 6, image.model->num_params},
-                                             {image.model->id, -1, 0},
-                                             [&] { return PointResidual{image.model}; });
-        batch.Add(std::array{block, image.pose, image.camera},
-                  {model_.images.at(observation.image_id).points2D[observation.point2D_idx].xy,
-                   image.sensor});
+        ImageBlocks& image = images_.at(observation.image_id);
+        if (image.points == nullptr) {
+          image.points = &BatchOf<PointResidual>("point", {3, 6, image.model->num_params},
+                                                 {image.model->id, -1, 0},
+                                                 [&] { return PointResidual{image.model}; });
+          if (one_model) image.points->Reserve(num_observations);
+        }
+        image.points->Add(std::array{block, image.pose, image.camera},
+                          {image.image->points2D[observation.point2D_idx].xy, image.sensor});
       }
     }
   }

@@ -80,7 +80,7 @@ class ResidualBatch {
   int dim() const { return dim_; }
   int num_slots() const { return static_cast<int>(tangents_.size()); }
   int tangent(int slot) const { return tangents_[slot]; }
-  size_t size() const { return blocks_.size() / tangents_.size(); }
+  size_t size() const { return size_; }
   BlockId block(size_t i, int slot) const { return blocks_[i * tangents_.size() + slot]; }
   std::span<const BlockId> blocks() const { return blocks_; }
 
@@ -97,13 +97,17 @@ class ResidualBatch {
   bool angular = false;
 
  protected:
+  void ReserveBlocks(size_t num_residuals) { blocks_.reserve(num_residuals * tangents_.size()); }
+  // Of one residual, a block for each slot.
   void AddBlocks(std::span<const BlockId> blocks) {
     blocks_.insert(blocks_.end(), blocks.begin(), blocks.end());
+    ++size_;
   }
 
  private:
   std::string term_;
   int dim_;
+  size_t size_ = 0;
   std::vector<int> tangents_;
   std::vector<BlockId> blocks_;
 };
@@ -124,6 +128,11 @@ class KernelBatch final : public ResidualBatch {
   void Add(std::span<const BlockId> blocks, const Datum& datum) {
     AddBlocks(blocks);
     data_.push_back(datum);
+  }
+  // Memory for so many residuals.
+  void Reserve(size_t num) {
+    ReserveBlocks(num);
+    data_.reserve(num);
   }
   const Kernel& kernel() const { return kernel_; }
 

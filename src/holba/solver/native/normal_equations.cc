@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -23,7 +24,11 @@ constexpr size_t kMaxSlices = 16;
 // work a byte; it may take this share of the whole.
 constexpr double kMergeWorkPerByte = 0.25, kMaxMergeShare = 0.15;
 // ... and this much memory beside the matrix, as multiples of it, or at least in bytes.
-constexpr size_t kMaxCopies = 2, kFreeSliceBytes = size_t{16} << 20;
+constexpr size_t kMaxCopies = 4, kFreeSliceBytes = size_t{1} << 20;
+
+// A pattern with this share of its blocks is completed: finding blocks by their nodes alone is worth
+// more than the zeros cost.
+constexpr double kFullDensity = 0.75;
 
 constexpr size_t RoundUp(size_t n, size_t unit) { return (n + unit - 1) / unit * unit; }
 
@@ -183,6 +188,15 @@ void NormalEquations::MakePattern(SchurForm form) {
       }
     }
   }
+  size_t num_coupled = 0;
+  for (uint64_t word : bits) num_coupled += std::popcount(word);
+  const double num_pairs = 0.5 * static_cast<double>(n) * (static_cast<double>(n) - 1.0);
+  if (form == SchurForm::kExplicit &&
+      static_cast<double>(num_coupled) >= kFullDensity * num_pairs) {
+    for (size_t a = 0; a < n; ++a) {
+      for (size_t b = 0; b < a; ++b) bits[a * words + b / 64] |= uint64_t{1} << (b % 64);
+    }
+  }
   pattern_.widths.assign(structure_.node_width.begin(), structure_.node_width.end());
   pattern_.row_start.assign(1, 0);
   pattern_.column.clear();
@@ -256,7 +270,9 @@ void NormalEquations::SetForm(SchurForm form) {
 void NormalEquations::MakeSlices() {
   double total = 0.0;
   for (const Chunk& chunk : structure_.chunks) total += structure_.Work(chunk);
-  const double matrix_bytes = std::max(8.0, static_cast<double>(S_.values.size()) * 8.0);
+  const double matrix_bytes =
+      8.0 * static_cast<double>(std::max<size_t>(
+                1, pattern_.full ? row_offset_.back() : S_.values.size()));
   double count = std::clamp<double>(total / kMinSliceWork, 1.0, kMaxSlices);
   const double n = static_cast<double>(pattern_.num_nodes());
   if (static_cast<double>(pattern_.num_blocks()) > 0.2 * n * n) {

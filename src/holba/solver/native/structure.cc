@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <functional>
 #include <set>
 #include <string>
 #include <utility>
@@ -18,6 +19,8 @@ namespace {
 constexpr size_t kChunkResiduals = 128;
 constexpr size_t kMaxChunkFeatures = 1024;  // vp residuals: one a feature
 constexpr int kMaxNodeWidth = 24;
+// Of the keys that features are sorted by.
+constexpr int kTangentBits = 3, kNodeBits = 64 - kTangentBits;
 
 constexpr size_t RoundUp(size_t n, size_t unit) { return (n + unit - 1) / unit * unit; }
 
@@ -78,16 +81,34 @@ void Structure::FindNodes(const Problem& problem) {
   std::vector<uint8_t> used(num_blocks, 0);  // by a residual
   for (const auto& batch : problem.batches()) {
     const int slots = batch->num_slots();
-    for (size_t i = 0; i < batch->size(); ++i) {
-      BlockId pose = kNone, camera = kNone;
+    const BlockId* const blocks = batch->blocks().data();
+    std::array<uint8_t, kMaxSlots> kind_of_slot{};
+    const auto look_at_slots = [&](const BlockId* ids, int* pose_slot, int* camera_slot) {
+      *pose_slot = *camera_slot = -1;
       for (int s = 0; s < slots; ++s) {
-        const BlockId id = batch->block(i, s);
-        used[id] = 1;
-        const uint8_t k = kind_of_block_[id], first = kind_of_block_[batch->block(0, s)];
-        if (k != first) meetings.insert({std::min(k, first), std::max(k, first)});
-        if (kinds[k].is_pose) pose = id;
-        if (kinds[k].is_camera) camera = id;
+        kind_of_slot[s] = kind_of_block_[ids[s]];
+        if (kinds[kind_of_slot[s]].is_pose) *pose_slot = s;
+        if (kinds[kind_of_slot[s]].is_camera) *camera_slot = s;
       }
+    };
+    int pose_slot = -1, camera_slot = -1;
+    look_at_slots(blocks, &pose_slot, &camera_slot);
+    for (size_t i = 0; i < batch->size(); ++i) {
+      const BlockId* ids = blocks + i * slots;
+      bool as_before = true;
+      for (int s = 0; s < slots; ++s) {
+        used[ids[s]] = 1;
+        as_before &= kind_of_block_[ids[s]] == kind_of_slot[s];
+      }
+      if (!as_before) {
+        look_at_slots(ids, &pose_slot, &camera_slot);
+        for (int s = 0; s < slots; ++s) {
+          const uint8_t k = kind_of_slot[s], first = kind_of_block_[blocks[s]];
+          if (k != first) meetings.insert({std::min(k, first), std::max(k, first)});
+        }
+      }
+      const BlockId pose = pose_slot < 0 ? kNone : ids[pose_slot];
+      const BlockId camera = camera_slot < 0 ? kNone : ids[camera_slot];
       if (camera == kNone) continue;
       if (pose == kNone) {
         pose_of[camera] = kSeveral;
@@ -304,23 +325,23 @@ void Structure::OrderFeatures(const Problem& problem) {
     }
   }
   keys_.resize(n);
+  // Keys: tangent, then as many of the first nodes as fit: features with the same cameras come
+  // together.
+  const int bits = std::max(1, static_cast<int>(std::bit_width(num_nodes() + 1)));
+  const int places = std::max(1, kNodeBits / bits);
   for (size_t f = 0; f < n; ++f) {
     uint32_t* list = &lists_[list_begin_[f]];
-    std::sort(list, list + list_size_[f]);
-    list_size_[f] = static_cast<uint32_t>(std::unique(list, list + list_size_[f]) - list);
-    // Tangent, then the first nodes: features with the same cameras come together.
-    uint64_t key = uint64_t{tangent_of[features[f]]} << 60;
-    const bool narrow = node_width.size() < (1u << 15);
-    const int shift = narrow ? 15 : 20, places = narrow ? 4 : 3;
-    for (int i = 0; i < places; ++i) {
-      const uint64_t node = static_cast<uint32_t>(i) < list_size_[f]
-                                ? std::min<uint32_t>(list[i] + 1, (1u << shift) - 1)
-                                : 0;
-      key |= node << (shift * (places - 1 - i));
+    uint32_t* end = list + list_size_[f];
+    if (std::adjacent_find(list, end, std::greater_equal<uint32_t>()) != end) {
+      std::sort(list, end);
+      end = std::unique(list, end);
+      list_size_[f] = static_cast<uint32_t>(end - list);
     }
+    uint64_t key = tangent_of[features[f]];
+    for (int i = 0; i < places; ++i) key = key << bits | (list + i < end ? list[i] + 1 : 0);
     keys_[f] = {key, static_cast<uint32_t>(f)};
   }
-  if (!std::is_sorted(keys_.begin(), keys_.end())) std::sort(keys_.begin(), keys_.end());
+  SortKeys(bits * places + kTangentBits);
   rank_.resize(n);
   std::vector<BlockId> ordered(n);
   feature_clique.resize(n);
@@ -345,6 +366,26 @@ void Structure::OrderFeatures(const Problem& problem) {
   }
   HOLBA_CHECK_MSG(n == 0 || cliques.size() > 0, "features without cliques");
   features.swap(ordered);
+}
+
+// keys_ by key, equal ones in the order in which they stand: digit by digit from the last one.
+void Structure::SortKeys(int key_bits) {
+  if (std::is_sorted(keys_.begin(), keys_.end())) return;
+  constexpr int kDigitBits = 11;
+  constexpr uint64_t kDigits = uint64_t{1} << kDigitBits;
+  if (keys_.size() < kDigits / 4) {
+    std::sort(keys_.begin(), keys_.end());
+    return;
+  }
+  other_keys_.resize(keys_.size());
+  for (int shift = 0; shift < key_bits; shift += kDigitBits) {
+    std::array<uint32_t, kDigits> place{};
+    for (const auto& [key, f] : keys_) ++place[key >> shift & (kDigits - 1)];
+    uint32_t before = 0;
+    for (uint32_t& p : place) before += std::exchange(p, before);
+    for (const auto& entry : keys_) other_keys_[place[entry.first >> shift & (kDigits - 1)]++] = entry;
+    keys_.swap(other_keys_);
+  }
 }
 
 void Structure::MakeChunks(const Problem& problem) {

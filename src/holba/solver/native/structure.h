@@ -145,6 +145,7 @@ struct Structure {
   void FindNodes(const Problem& problem);
   void FindParts(const Problem& problem);
   void OrderFeatures(const Problem& problem);
+  void SortKeys(int key_bits);
   void MakeChunks(const Problem& problem);
   void FindHeld(const Problem& problem);
   // Node of a segment of a residual; kNone: nothing of it moves.
@@ -160,7 +161,7 @@ struct Structure {
   std::vector<uint8_t> kind_of_block_;
   bool merged_ = false;
   std::vector<uint32_t> feature_of_block_, list_begin_, list_size_, lists_, rank_;
-  std::vector<std::pair<uint64_t, uint32_t>> keys_;
+  std::vector<std::pair<uint64_t, uint32_t>> keys_, other_keys_;
   std::vector<uint32_t> part_start_, still_;
   std::vector<uint8_t> touched_;
 };
