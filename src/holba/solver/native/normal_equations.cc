@@ -24,7 +24,7 @@ constexpr size_t kMaxSlices = 16;
 // work a byte; it may take this share of the whole.
 constexpr double kMergeWorkPerByte = 0.25, kMaxMergeShare = 0.15;
 // ... and this much memory beside the matrix, as multiples of it, or at least in bytes.
-constexpr size_t kMaxCopies = 4, kFreeSliceBytes = size_t{1} << 20;
+constexpr size_t kMaxCopies = 2, kFreeSliceBytes = size_t{1} << 20;
 
 // A pattern with this share of its blocks is completed: finding blocks by their nodes alone is worth
 // more than the zeros cost.
