@@ -39,7 +39,7 @@ std::string WhySkipped(const Competitor& competitor, bool is_bal, size_t num_kep
 enum class RunMode {
   kTimed,      // exactly `iterations` iterations with all tolerances 0
   kConverged,  // until the cost changes by less than function_tolerance
-  kCalls       // `calls` adjustments in a row, each of a problem built anew
+  kCalls       // `calls` adjustments in a row, each of a problem built anew and a little different
 };
 struct RunOptions {
   RunMode mode = RunMode::kTimed;

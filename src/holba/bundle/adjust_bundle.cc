@@ -266,7 +266,7 @@ class Adjuster {
 
   void Solve(SolverOptions options, Problem* problem) {
     options.max_seconds = std::max(solver_options_.max_seconds - timer_.Seconds(), 0.0);
-    const SolverSummary solved = holba::Solve(options, problem);
+    const SolverSummary solved = holba::Solve(options, problem, &workspace_);
     stopped_ |=
         solved.stop_reason == StopReason::kCallback || solved.stop_reason == StopReason::kMaxTime;
     Accumulate(solved, &summary_.solver);
@@ -280,6 +280,7 @@ class Adjuster {
   const RoundLog& log_;
   const Timer timer_;
   AutoScales scales_;
+  SolverWorkspace workspace_;  // many rounds are of one structure
   BundleSummary summary_;
   bool stopped_ = false;  // by the caller, or because time is up
 };

@@ -79,6 +79,11 @@ class FactorSolver : public ReducedSolver {
     return FactoriseDouble();
   }
 
+  void Reset() override {
+    state_ = State::kNone;
+    double_only_ = 0;
+  }
+
   bool Solve(const double* b, double* x) override {
     HOLBA_CHECK_MSG(state_ != State::kNone, "Solve needs a factor");
     if (state_ == State::kFloat) {

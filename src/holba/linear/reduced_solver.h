@@ -28,6 +28,10 @@ class ReducedSolver {
   // kMixed still reads it in. False: not positive definite (to working precision) or not finite.
   virtual bool Factorise(const BlockMatrix& S) = 0;
 
+  // Forgets how former factors went (kMixed turns to double for a while after a breakdown), so that
+  // results do not depend on them.
+  virtual void Reset() = 0;
+
   // Plain vectors of num_unknowns; b and x may be the same. The residual b - S x, of S scaled to a
   // unit diagonal, is about 1e-12 of b, or as small as rounding in double lets it be. Needs a
   // Factorise that returned true. False: the result is not finite.

@@ -11,73 +11,13 @@
 #include "holba/base/random.h"
 #include "holba/camera/camera_model.h"
 #include "holba/residual/point.h"
+#include "holba/solver/small_bundle_testing.h"
 #include "holba/solver/solver.h"
 
 namespace holba {
 namespace {
 
 using testing::HasSubstr;
-
-// Cameras on an arc around a cloud of points. The first pose is held and one coordinate of the last
-// one's translation.
-struct SmallBundle {
-  static constexpr int kPoses = 6, kPoints = 40;
-  Problem problem;
-  std::vector<double> truth;
-  std::vector<BlockId> poses, points;
-  BlockId camera;
-
-  explicit SmallBundle(double noise_px, bool refine_focal_length = true,
-                       LossType loss = LossType::kTrivial) {
-    Random random(11);
-    const CameraModel& model = *FindCameraModel("PINHOLE");
-    const std::vector<double> params{700, 720, 500, 480};
-    camera = problem.AddBlock("camera", EuclideanOps(4), BlockRole::kKept, params);
-    problem.block(camera).held = 0b1100;
-    problem.block(camera).constant = !refine_focal_length;
-    for (int i = 0; i < kPoses; ++i) {
-      const double angle = 0.25 * i;
-      const Eigen::Quaterniond q(
-          Eigen::AngleAxisd(angle, Eigen::Vector3d(0.1, 1, 0.05).normalized()));
-      const double values[7] = {q.x(), q.y(), q.z(), q.w(), 0.1 * i, 0.05 * i * i, 9.0 + 0.2 * i};
-      poses.push_back(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values));
-    }
-    problem.block(poses[0]).constant = true;
-    problem.block(poses.back()).held = 1u << 3;
-    auto batch = std::make_unique<KernelBatch<PointResidual>>("point", 2, std::vector<int>{3, 6, 4},
-                                                              PointResidual{&model});
-    batch->loss = {loss, 1.0};
-    for (int k = 0; k < kPoints; ++k) {
-      const double X[3] = {random.Uniform(-2, 2), random.Uniform(-2, 2), random.Uniform(-2, 2)};
-      points.push_back(problem.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature, X));
-      for (BlockId pose : poses) {
-        PointInImage image;
-        EXPECT_TRUE(ProjectPoint(model, nullptr, problem.values(pose), params.data(),
-                                 {X[0], X[1], X[2]}, &image));
-        const Eigen::Vector2d noise(random.Normal(noise_px), random.Normal(noise_px));
-        batch->Add(std::array{points.back(), pose, camera}, {image.pixel + noise, nullptr});
-      }
-    }
-    problem.AddBatch(std::move(batch));
-    truth = problem.state();
-  }
-
-  // Moves all free tangent coordinates away from the truth.
-  void Perturb(uint64_t seed) {
-    Random random(seed);
-    problem.state() = truth;
-    for (BlockId id = 0; id < problem.num_blocks(); ++id) {
-      const ParameterBlock& block = problem.block(id);
-      if (block.FreeTangent() == 0) continue;
-      const double sigma = block.kind == "pose" ? 0.03 : block.kind == "point" ? 0.1 : 10.0;
-      std::vector<double> delta(block.manifold->tangent), moved(block.manifold->ambient);
-      for (int i = 0; i < block.manifold->tangent; ++i)
-        delta[i] = block.held >> i & 1 ? 0.0 : random.Normal(sigma);
-      block.manifold->plus(problem.values(id), delta.data(), moved.data());
-      std::copy(moved.begin(), moved.end(), problem.values(id));
-    }
-  }
-};
 
 // The tests below are run with every backend.
 const std::vector<Backend> kBackends {
@@ -190,6 +130,41 @@ TEST_P(EveryBackend, NamesTheLinearSolverThatItUsed) {
   }
 }
 
+TEST(NativeOptions, WhateverThePreconditionerAndPrecisionTheOptimumIsTheSame) {
+  tested_backend = Backend::kNative;
+  SmallBundle bundle(0.5);
+  bundle.Perturb(3);
+  const std::vector<double> start = bundle.problem.state();
+  const SolverSummary exact = Solve(Tight(LinearSolver::kDense), &bundle.problem);
+  const std::vector<double> optimum = bundle.problem.state();
+  const auto expect_optimum = [&](const SolverOptions& options, const std::string& name) {
+    bundle.problem.state() = start;
+    const SolverSummary summary = Solve(options, &bundle.problem);
+    EXPECT_THAT(summary.linear_solver, HasSubstr(name));
+    EXPECT_NEAR(summary.final_cost, exact.final_cost, 1e-9 * exact.final_cost) << name;
+    EXPECT_LT(LargestDifference(bundle.problem.state(), optimum), 1e-5) << name;
+  };
+  for (const auto& [type, name] :
+       {std::pair(PreconditionerType::kBlockJacobi, "block Jacobi"),
+        std::pair(PreconditionerType::kBorder, "border"),
+        std::pair(PreconditionerType::kPowerSeries, "power series"),
+        std::pair(PreconditionerType::kAuto, "border")}) {  // one camera, which all poses see
+    SolverOptions options = Tight(LinearSolver::kIterative);
+    options.preconditioner = type;
+    options.eta = 1e-3;
+    expect_optimum(options, name);
+  }
+  for (LinearSolver solver : {LinearSolver::kDense, LinearSolver::kSparse}) {
+    for (const auto& [precision, name] : {std::pair(FactorPrecision::kDouble, "double"),
+                                          std::pair(FactorPrecision::kMixed, "mixed"),
+                                          std::pair(FactorPrecision::kAuto, "double")}) {
+      SolverOptions options = Tight(solver);
+      options.precision = precision;
+      expect_optimum(options, name);
+    }
+  }
+}
+
 TEST_P(EveryBackend, WithOneThreadRepeatsBitForBit) {
   std::vector<std::vector<double>> ends;
   for (int run = 0; run < 2; ++run) {
@@ -268,7 +243,7 @@ TEST_P(EveryBackend, ReportsCostsOfTheStatesItBeganAndEndedWith) {
   expect_same(summary.initial_terms[0].sum_squares, before[0].sum_squares);
   expect_same(summary.final_cost, after[0].cost);
   expect_same(summary.final_terms[0].sum_squares, after[0].sum_squares);
-  EXPECT_EQ(summary.final_terms[0].residuals, size_t{SmallBundle::kPoses * SmallBundle::kPoints});
+  EXPECT_EQ(summary.final_terms[0].residuals, bundle.poses.size() * bundle.points.size());
   // The records tell the same story: one for the start and one per step, costs never rise.
   ASSERT_EQ(records.size(), static_cast<size_t>(summary.iterations) + 1);
   EXPECT_NEAR(records[0].cost, before[0].cost, 1e-9 * before[0].cost);

@@ -99,12 +99,21 @@ double SolverSummary::MedianIterationSeconds() const {
   return sorted[middle];
 }
 
-SolverSummary Solve(const SolverOptions& options, Problem* problem) {
+SolverWorkspace::SolverWorkspace() = default;
+SolverWorkspace::SolverWorkspace(SolverWorkspace&&) noexcept = default;
+SolverWorkspace& SolverWorkspace::operator=(SolverWorkspace&&) noexcept = default;
+SolverWorkspace::~SolverWorkspace() = default;
+
+SolverSummary Solve(const SolverOptions& options, Problem* problem, SolverWorkspace* workspace) {
   SolverSummary summary;
   switch (options.backend) {
-    case Backend::kNative:
-      summary = SolveNatively(options, problem);
+    case Backend::kNative: {
+      SolverWorkspace own;
+      std::unique_ptr<NativeWorkspace>& native = (workspace ? workspace : &own)->native_;
+      if (native == nullptr) native = std::make_unique<NativeWorkspace>();
+      summary = SolveNatively(options, problem, native.get());
       break;
+    }
     case Backend::kCeres:
 #if HOLBA_WITH_CERES
       summary = SolveWithCeres(options, problem);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,8 @@
 #include "holba/problem/problem.h"
 
 namespace holba {
+
+class NativeWorkspace;
 
 enum class Backend { kNative, kCeres };
 // How the reduced system is solved; automatic: native by the least predicted work, Ceres by the
@@ -85,7 +88,25 @@ struct SolverSummary {
   double MedianIterationSeconds() const;
 };
 
+// What one solve can leave for the next, for callers that solve many problems (a mapper's local
+// adjustments) or one problem many times: buffers, and, where the next problem has the structure of
+// the last one (the same blocks, roles, held coordinates and residuals; values, measurements, losses
+// and weights may differ), its analysis. Results are the same as without it, bit for bit. Of one
+// thread at a time; the native backend's only.
+class SolverWorkspace {
+ public:
+  SolverWorkspace();
+  SolverWorkspace(SolverWorkspace&&) noexcept;
+  SolverWorkspace& operator=(SolverWorkspace&&) noexcept;
+  ~SolverWorkspace();
+
+ private:
+  friend SolverSummary Solve(const SolverOptions&, Problem*, SolverWorkspace*);
+  std::unique_ptr<NativeWorkspace> native_;
+};
+
 // Minimises the cost from problem->state() on and leaves the best state found there.
-SolverSummary Solve(const SolverOptions& options, Problem* problem);
+SolverSummary Solve(const SolverOptions& options, Problem* problem,
+                    SolverWorkspace* workspace = nullptr);
 
 }  // namespace holba

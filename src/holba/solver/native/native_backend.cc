@@ -39,6 +39,8 @@ class StepSolver {
   virtual ~StepSolver() = default;
   // The kept unknowns' step; false: none found at this damping.
   virtual bool Solve(NormalEquations* equations, std::span<double> step) = 0;
+  // Before another problem of the same pattern.
+  virtual void Reset() {}
   virtual std::string Name() const = 0;
 };
 
@@ -49,6 +51,7 @@ class DirectStep final : public StepSolver {
     return solver_->Factorise(equations->matrix()) &&
            solver_->Solve(equations->rhs().data(), step.data());
   }
+  void Reset() override { solver_->Reset(); }
   std::string Name() const override { return solver_->Name(); }
 
  private:
@@ -148,29 +151,81 @@ class NoStep final : public StepSolver {
   std::string Name() const override { return "none: features only"; }
 };
 
-std::unique_ptr<StepSolver> MakeStepSolver(const SolverOptions& options, int num_threads,
-                                           NormalEquations* equations) {
-  if (equations->structure().num_nodes() == 0) {
-    equations->SetForm(SchurForm::kExplicit);
-    return std::make_unique<NoStep>();
+}  // namespace
+
+// What one solve leaves for the next.
+struct NativeWorkspace::Data {
+  NormalEquations equations;
+  // How a step is found, and what that was made for: an analysis serves every problem with the same
+  // pattern.
+  struct Choice {
+    LinearSolver kind = LinearSolver::kAuto;
+    bool mixed = false;
+    PreconditionerType preconditioner = PreconditionerType::kAuto;
+    double eta = 0.0;
+    int max_linear_solver_iterations = 0;
+    int num_threads = 0;
+    uint64_t pattern_version = 0;
+    bool operator==(const Choice&) const = default;
+  };
+  std::unique_ptr<StepSolver> solver;
+  Choice made_for;
+  // Of the last problem's structure, if ChooseLinearSolver was asked.
+  LinearSolver chosen = LinearSolver::kAuto;
+
+  // Analyses the problem.
+  void Begin(const SolverOptions& options, int num_threads, const Problem& problem);
+};
+
+NativeWorkspace::NativeWorkspace() : data_(std::make_unique<Data>()) {}
+NativeWorkspace::~NativeWorkspace() = default;
+
+void NativeWorkspace::Data::Begin(const SolverOptions& options, int num_threads,
+                                  const Problem& problem) {
+  if (!equations.Begin(problem, num_threads)) chosen = LinearSolver::kAuto;
+  if (equations.structure().num_nodes() == 0) {
+    equations.SetForm(SchurForm::kExplicit);
+    solver = std::make_unique<NoStep>();
+    made_for = {};
+    return;
   }
-  LinearSolver kind = options.linear_solver;
-  if (kind == LinearSolver::kAuto)
-    kind = native::ChooseLinearSolver(equations->structure(), equations->FindPattern());
-  if (kind == LinearSolver::kIterative) {
-    equations->SetForm(SchurForm::kImplicit);
-    return std::make_unique<IterativeStep>(options, equations, num_threads);
+  Choice choice;
+  choice.kind = options.linear_solver;
+  if (choice.kind == LinearSolver::kAuto) {
+    if (chosen == LinearSolver::kAuto)
+      chosen = native::ChooseLinearSolver(equations.structure(), equations.FindPattern());
+    choice.kind = chosen;
   }
-  equations->SetForm(SchurForm::kExplicit);
-  const BlockPattern& pattern = equations->pattern();
-  // Single precision pays from some hundred unknowns on.
-  const bool mixed = options.precision == FactorPrecision::kMixed ||
-                     (options.precision == FactorPrecision::kAuto && pattern.num_unknowns > 600);
-  const Precision precision = mixed ? Precision::kMixed : Precision::kDouble;
-  return std::make_unique<DirectStep>(kind == LinearSolver::kDense
-                                          ? MakeDenseSolver(pattern, precision, num_threads)
-                                          : MakeSparseSolver(pattern, precision, num_threads));
+  const bool iterative = choice.kind == LinearSolver::kIterative;
+  equations.SetForm(iterative ? SchurForm::kImplicit : SchurForm::kExplicit);
+  const BlockPattern& pattern = equations.pattern();
+  choice.num_threads = num_threads;
+  choice.pattern_version = equations.pattern_version();
+  if (iterative) {
+    choice.preconditioner = options.preconditioner;
+    choice.eta = options.eta;
+    choice.max_linear_solver_iterations = options.max_linear_solver_iterations;
+  } else {
+    // Single precision pays from some hundred unknowns on.
+    choice.mixed = options.precision == FactorPrecision::kMixed ||
+                   (options.precision == FactorPrecision::kAuto && pattern.num_unknowns > 600);
+  }
+  if (solver != nullptr && choice == made_for) {
+    solver->Reset();
+    return;
+  }
+  made_for = choice;
+  const Precision precision = choice.mixed ? Precision::kMixed : Precision::kDouble;
+  if (iterative) {
+    solver = std::make_unique<IterativeStep>(options, &equations, num_threads);
+  } else if (choice.kind == LinearSolver::kDense) {
+    solver = std::make_unique<DirectStep>(MakeDenseSolver(pattern, precision, num_threads));
+  } else {
+    solver = std::make_unique<DirectStep>(MakeSparseSolver(pattern, precision, num_threads));
+  }
 }
+
+namespace {
 
 // Costs by batch, put together by term.
 std::vector<TermCost> TermsOf(const Problem& problem, const StateCost& cost) {
@@ -204,18 +259,19 @@ bool FlatEnough(const Linearisation& linearisation, const SolverOptions& options
 
 }  // namespace
 
-SolverSummary SolveNatively(const SolverOptions& options, Problem* problem) {
+SolverSummary SolveNatively(const SolverOptions& options, Problem* problem,
+                            NativeWorkspace* workspace) {
   const Timer timer;
   SolverSummary summary;
   summary.backend = "native";
   summary.num_threads = NumThreads(options.num_threads);
   summary.factorise_seconds = summary.back_substitute_seconds = 0.0;
-  NormalEquations equations;
-  equations.Begin(*problem, summary.num_threads);
+  NativeWorkspace::Data& data = workspace->data();
+  data.Begin(options, summary.num_threads, *problem);
+  NormalEquations& equations = data.equations;
+  StepSolver* const solver = data.solver.get();
   const bool nothing_to_do =
       equations.structure().num_nodes() == 0 && equations.structure().features.empty();
-  const std::unique_ptr<StepSolver> solver =
-      MakeStepSolver(options, summary.num_threads, &equations);
   summary.linear_solver = solver->Name();
   summary.reduced_system.size = NumKeptUnknowns(*problem);
   summary.build_seconds = timer.Seconds();

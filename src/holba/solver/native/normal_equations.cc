@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <atomic>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include "holba/base/check.h"
 #include "holba/base/threads.h"
@@ -121,13 +121,23 @@ void StateCost::CountAppeared() {
 NormalEquations::NormalEquations() = default;
 NormalEquations::~NormalEquations() = default;
 
-void NormalEquations::Begin(const Problem& problem, int num_threads) {
+bool NormalEquations::Begin(const Problem& problem, int num_threads) {
+  const Fingerprint fingerprint = FingerprintOf(problem);
+  const bool known = problem_ != nullptr && fingerprint == fingerprint_ &&
+                     num_threads_ == NumThreads(num_threads);
+  if (known) {
+    for (Part& part : structure_.parts) part.batch = problem.batches()[part.batch_idx].get();
+  } else {
+    problem_ = nullptr;  // nothing is known should the problem be refused
+    pattern_found_ = formed_ = false;
+    num_threads_ = NumThreads(num_threads);
+    structure_.Build(problem);
+    fingerprint_ = fingerprint;
+  }
   problem_ = &problem;
-  num_threads_ = NumThreads(num_threads);
-  structure_.Build(problem);
-  pattern_found_ = false;
   memory_.assign(problem.batches().size(), {});
   AddFixedCosts();
+  return known;
 }
 
 void NormalEquations::AddFixedCosts() {
@@ -163,60 +173,77 @@ const BlockPattern& NormalEquations::FindPattern() {
 }
 
 void NormalEquations::MakePattern(SchurForm form) {
-  const size_t n = structure_.num_nodes(), words = (n + 63) / 64;
-  const size_t first_row = form == SchurForm::kExplicit ? 0 : structure_.num_pose_nodes;
-  std::vector<uint64_t> bits((n - first_row) * words);
-  const auto couple = [&](uint32_t a, uint32_t b) {
-    if (a >= first_row) bits[(a - first_row) * words + b / 64] |= uint64_t{1} << (b % 64);
-  };
-  for (uint32_t c = 0; c < structure_.cliques.size(); ++c) {
-    const auto nodes = structure_.cliques.Nodes(c);
-    for (size_t p = 0; p < nodes.size(); ++p) {
-      if (nodes[p] < first_row) continue;
-      for (size_t q = 0; q < p; ++q) couple(nodes[p], nodes[q]);
-    }
+  formed_ = false;
+  const uint32_t n = static_cast<uint32_t>(structure_.num_nodes());
+  const uint32_t first_row = form == SchurForm::kExplicit ? 0 : structure_.num_pose_nodes;
+  // What couples a node with earlier ones: its cliques, and residuals without a feature.
+  const Cliques& cliques = structure_.cliques;
+  std::vector<uint32_t> begin(n + 1), cliques_of(cliques.nodes.size());
+  for (uint32_t node : cliques.nodes) ++begin[node];
+  uint32_t end = 0;
+  for (uint32_t& of_node : begin) of_node = end += of_node;
+  for (uint32_t c = 0; c < cliques.size(); ++c) {
+    for (uint32_t node : cliques.Nodes(c)) cliques_of[--begin[node]] = c;
   }
+  std::vector<std::pair<uint32_t, uint32_t>> loose;  // later, earlier
   for (const Part& part : structure_.parts) {
     if (part.feature_slot >= 0 || part.num_segments < 2) continue;
     for (size_t j = 0; j < part.residuals.size(); ++j) {
       const uint32_t* nodes = &part.nodes[j * part.num_segments];
       for (int s = 0; s < part.num_segments; ++s) {
         for (int t = 0; t < s; ++t) {
-          if (nodes[s] == kNone || nodes[t] == kNone) continue;
-          couple(std::max(nodes[s], nodes[t]), std::min(nodes[s], nodes[t]));
+          if (nodes[s] == kNone || nodes[t] == kNone || nodes[s] == nodes[t]) continue;
+          loose.emplace_back(std::max(nodes[s], nodes[t]), std::min(nodes[s], nodes[t]));
         }
       }
     }
   }
-  size_t num_coupled = 0;
-  for (uint64_t word : bits) num_coupled += std::popcount(word);
-  const double num_pairs = 0.5 * static_cast<double>(n) * (static_cast<double>(n) - 1.0);
-  if (form == SchurForm::kExplicit &&
-      static_cast<double>(num_coupled) >= kFullDensity * num_pairs) {
-    for (size_t a = 0; a < n; ++a) {
-      for (size_t b = 0; b < a; ++b) bits[a * words + b / 64] |= uint64_t{1} << (b % 64);
-    }
-  }
-  pattern_.widths.assign(structure_.node_width.begin(), structure_.node_width.end());
-  pattern_.row_start.assign(1, 0);
-  pattern_.column.clear();
-  for (size_t a = 0; a < n; ++a) {
+  std::sort(loose.begin(), loose.end());
+
+  BlockPattern pattern;
+  pattern.widths.assign(structure_.node_width.begin(), structure_.node_width.end());
+  pattern.row_start.assign(1, 0);
+  std::vector<uint32_t> row_of(n, kNone);  // the last row that a node is coupled with
+  size_t next_loose = 0;
+  for (uint32_t a = 0; a < n; ++a) {
+    const size_t row_begin = pattern.column.size();
+    const auto couple = [&](uint32_t b) {
+      if (std::exchange(row_of[b], a) != a) pattern.column.push_back(static_cast<int>(b));
+    };
+    while (next_loose < loose.size() && loose[next_loose].first < a) ++next_loose;
     if (a >= first_row) {
-      const uint64_t* row = &bits[(a - first_row) * words];
-      for (size_t w = 0; w <= a / 64; ++w) {
-        for (uint64_t rest = row[w]; rest != 0; rest &= rest - 1) {
-          const size_t b = w * 64 + __builtin_ctzll(rest);
-          if (b < a) pattern_.column.push_back(static_cast<int>(b));
+      for (uint32_t i = begin[a]; i < begin[a + 1]; ++i) {
+        for (uint32_t b : cliques.Nodes(cliques_of[i])) {
+          if (b >= a) break;
+          couple(b);
         }
       }
+      for (; next_loose < loose.size() && loose[next_loose].first == a; ++next_loose)
+        couple(loose[next_loose].second);
+      std::sort(pattern.column.begin() + row_begin, pattern.column.end());
     }
-    pattern_.column.push_back(static_cast<int>(a));
-    pattern_.row_start.push_back(pattern_.column.size());
+    pattern.column.push_back(static_cast<int>(a));
+    pattern.row_start.push_back(pattern.column.size());
   }
+  const double num_pairs = 0.5 * n * (n + 1.0);
+  if (form == SchurForm::kExplicit &&
+      static_cast<double>(pattern.column.size()) >= kFullDensity * num_pairs) {
+    pattern.column.clear();
+    for (uint32_t a = 0; a < n; ++a) {
+      for (uint32_t b = 0; b <= a; ++b) pattern.column.push_back(static_cast<int>(b));
+      pattern.row_start[a + 1] = pattern.column.size();
+    }
+  }
+  if (pattern_version_ > 0 && pattern.widths == pattern_.widths &&
+      pattern.row_start == pattern_.row_start && pattern.column == pattern_.column)
+    return;
+  pattern_ = std::move(pattern);
   pattern_.Finish();
+  ++pattern_version_;
 }
 
 void NormalEquations::SetForm(SchurForm form) {
+  if (formed_ && form == form_) return;
   form_ = form;
   if (form == SchurForm::kExplicit) {
     FindPattern();
@@ -224,6 +251,7 @@ void NormalEquations::SetForm(SchurForm form) {
     MakePattern(form);
     pattern_found_ = false;
   }
+  formed_ = true;
   S_ = BlockMatrix(&pattern_);
   U_ = form == SchurForm::kImplicit ? BlockMatrix(&pattern_) : BlockMatrix();
 

@@ -12,6 +12,7 @@
 #include "holba/linear/conjugate_gradients.h"
 #include "holba/problem/problem.h"
 #include "holba/solver/native/elimination.h"
+#include "holba/solver/native/fingerprint.h"
 #include "holba/solver/native/structure.h"
 
 namespace holba::native {
@@ -52,8 +53,9 @@ class NormalEquations {
   NormalEquations();
   ~NormalEquations();
 
-  // Analyses `problem`, which must outlive this or the next call and keep its structure.
-  void Begin(const Problem& problem, int num_threads);
+  // Analyses `problem`, which must outlive this or the next call and keep its structure. True: it
+  // has the structure of the last one (fingerprint.h), and everything stands as it did.
+  bool Begin(const Problem& problem, int num_threads);
   // Pattern of the whole reduced system, before a form is chosen.
   const BlockPattern& FindPattern();
   void SetForm(SchurForm form);
@@ -64,6 +66,8 @@ class NormalEquations {
   // S, damped (explicit), or its diagonal and border blocks (implicit).
   const BlockMatrix& matrix() const { return S_; }
   const BlockPattern& pattern() const { return pattern_; }
+  // Differs between any two patterns of these equations that differ.
+  uint64_t pattern_version() const { return pattern_version_; }
   const BlockMatrix& U() const { return U_; }  // U + D (implicit)
   // The right hand side of S k = b.
   std::span<const double> rhs() const { return rhs_; }
@@ -112,9 +116,12 @@ class NormalEquations {
   size_t offset_of(BlockId id) const { return problem_->values(id) - problem_->state().data(); }
 
   const Problem* problem_ = nullptr;
+  Fingerprint fingerprint_{};
   int num_threads_ = 1;
   SchurForm form_ = SchurForm::kExplicit;
-  bool pattern_found_ = false;
+  bool pattern_found_ = false;  // pattern_ is the explicit form's
+  bool formed_ = false;         // all memory is laid out for form_
+  uint64_t pattern_version_ = 0;
   Structure structure_;
   BlockPattern pattern_;
   BlockMatrix S_, U_;
