@@ -1009,9 +1009,9 @@ void NormalEquations::StepSlice(SliceData* slice, Scratch* scratch) {
     if (F > 0) {
       HOLBA_SIMD_CHOOSE_IN(::holba::native, SolveFeatures)(features, h);
       for (size_t f = 0; f < features.count; ++f) {
-        const BlockId id = structure_.features[chunk.feature_begin + f];
-        const ManifoldOps& ops = *problem_->block(id).manifold;
-        const size_t at = offset_of(id);
+        const size_t feature = chunk.feature_begin + f;
+        const ManifoldOps& ops = *structure_.manifolds[structure_.feature_manifold[feature]];
+        const size_t at = structure_.feature_at[feature];
         double* moved = trial_state_.data() + at;
         ops.plus(state + at, h + f * kFeatureRow, moved);
         for (int i = 0; i < ops.ambient; ++i) {

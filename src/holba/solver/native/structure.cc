@@ -366,6 +366,21 @@ void Structure::OrderFeatures(const Problem& problem) {
   }
   HOLBA_CHECK_MSG(n == 0 || cliques.size() > 0, "features without cliques");
   features.swap(ordered);
+
+  feature_at.resize(n);
+  feature_manifold.resize(n);
+  manifolds.clear();
+  for (size_t f = 0; f < n; ++f) {
+    feature_at[f] = problem.values(features[f]) - problem.state().data();
+    const ManifoldOps* const manifold = problem.block(features[f]).manifold;
+    size_t m = 0;
+    while (m < manifolds.size() && manifolds[m] != manifold) ++m;
+    if (m == manifolds.size()) {
+      HOLBA_CHECK_MSG(m < 255, "too many kinds of features");
+      manifolds.push_back(manifold);
+    }
+    feature_manifold[f] = static_cast<uint8_t>(m);
+  }
 }
 
 // keys_ by key, equal ones in the order in which they stand: digit by digit from the last one.
