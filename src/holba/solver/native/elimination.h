@@ -134,6 +134,21 @@ HOLBA_SIMD_DECLARE(void Accumulate(const Panel& panel, const double* rows,
 // (1,0), (2,0), (2,1), ... of each residual, kNoBlock where one does not move.
 HOLBA_SIMD_DECLARE(void AccumulateLoose(const Panel& panel, const double* rows,
                                         const uint32_t* cross, const Sums& sums))
+// Where each place in a feature's clique has one residual, all of one part and in the order of the
+// clique, as the observations of points and lines, W is never formed: T_pf = E_p^T (F L^-T), and the
+// diagonal blocks take E^T E and -T T^T in one go. For the shapes (tangent F, dimension of the
+// residuals, unknowns of a node) that are spelt out:
+constexpr bool IsPlainShape(int tangent, int dim, int width) {
+  return (tangent == 3 && dim == 2 && (width == 6 || width == 9)) ||
+         (tangent == 4 && dim == 4 && width == 6);
+}
+// V and g.
+HOLBA_SIMD_DECLARE(void AccumulatePlain(const Panel& panel, const double* rows,
+                                        const ChunkFeatures& chunk))
+// All the rest of Accumulate, and Eliminate.
+HOLBA_SIMD_DECLARE(void EliminatePlain(const Panel& panel, const double* rows,
+                                       const ChunkFeatures& chunk, const Sums& sums, float* stored))
+
 // L^-1 of V + max(diag V, floor) / radius, floor = 1e-6 (1 + sqrt(V_ii))^2 (as Ceres, whose columns
 // are scaled by 1 / (1 + sqrt(V_ii))).
 HOLBA_SIMD_DECLARE(ChunkSums FactoriseFeatures(const ChunkFeatures& chunk, double inverse_radius))

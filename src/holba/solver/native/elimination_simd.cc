@@ -526,7 +526,7 @@ void SubtractRow(const ChunkFeatures& chunk, const Sums& sums, const uint32_t* n
 }
 
 template <int kTangent>
-void EliminateOf(const ChunkFeatures& chunk, const Sums& sums, float* stored) {
+void EliminateOf(const ChunkFeatures& chunk, const Sums& sums) {
   constexpr int kEntries = kTangent * (kTangent + 1) / 2;
   for (size_t begin = 0; begin < chunk.count;) {
     const uint32_t clique = chunk.clique[begin];
@@ -560,10 +560,168 @@ void EliminateOf(const ChunkFeatures& chunk, const Sums& sums, float* stored) {
       SubtractRow<kTangent>(chunk, sums, nodes, p, offsets, first_offset, run);
     }
   }
-  if (stored == nullptr) return;
-  const uint32_t positions = chunk.first_position[chunk.count];
-  const size_t total = chunk.w_offset[positions];
-  for (size_t i = 0; i < total; i += kLanes) StoreFloats(Load(chunk.W + i), stored + i);
+}
+
+template <int kTangent>
+void AccumulatePlainOf(const Panel& panel, const double* rows, const ChunkFeatures& chunk) {
+  const size_t row_stride = panel.row_stride, step = panel.dim * row_stride;
+  const double* row = rows;
+  for (size_t j = 0; j < panel.count;) {
+    const uint32_t f = panel.local_feature[j];
+    Pack sum[kTangent][kFeaturePacks];
+    for (int i = 0; i < kTangent; ++i) {
+      for (int v = 0; v < kFeaturePacks; ++v) sum[i][v] = Broadcast(0.0);
+    }
+    for (; j < panel.count && panel.local_feature[j] == f; ++j) {
+      for (const double* end = row + step; row != end; row += row_stride) {
+        for (int v = 0; v < kFeaturePacks; ++v) {
+          const Pack x = Load(row + v * kLanes);
+          for (int i = 0; i < kTangent; ++i) sum[i][v] += x * row[i];
+        }
+      }
+    }
+    double* V = chunk.V + size_t{f} * kTangent * kFeatureRow;
+    for (int i = 0; i < kTangent; ++i) {
+      for (int v = 0; v < kFeaturePacks; ++v) Store(sum[i][v], V + i * kFeatureRow + v * kLanes);
+    }
+  }
+}
+
+// A diagonal block over a run of features: U += sum E^T E, S -= sum T T^T, which are the same
+// matrix in the explicit form. The rows of E of the next feature stand `e_stride` doubles on.
+template <int kTangent, int kDim, int kWidth, bool kOneMatrix>
+HOLBA_SIMD_INLINE void AddDiagonalBlock(double* U, double* S, const double* E, size_t e_stride,
+                                        const double* T, const FeatureRun& run) {
+  constexpr int kPadded = PaddedTo8(kWidth), kGrouped = GroupedRows(kWidth);
+  constexpr int kRowStride = kFeatureRow + kPadded;
+  for (int v = 0; v < kGrouped; v += kLanes) {
+    const int at = v / 8 * 8 * kWidth + v % 8;
+    Pack sum[kWidth];
+    for (int c = 0; c < kWidth; ++c) sum[c] = Load(U + at + c * 8);
+    const double *e = E, *t = T;
+    for (size_t f = 0; f < run.count; ++f, e += e_stride) {
+      for (int k = 0; k < kDim; ++k) {
+        const Pack x = Load(e + k * kRowStride + v);
+        for (int c = 0; c < kWidth; ++c) sum[c] += x * e[k * kRowStride + c];
+      }
+    }
+    if constexpr (!kOneMatrix) {
+      for (int c = 0; c < kWidth; ++c) {
+        Store(sum[c], U + at + c * 8);
+        sum[c] = Load(S + at + c * 8);
+      }
+    }
+    for (size_t f = 0; f < run.count; ++f, t += run.stride) {
+      for (int i = 0; i < kTangent; ++i) {
+        const Pack x = Load(t + i * kPadded + v);
+        for (int c = 0; c < kWidth; ++c) sum[c] -= x * t[i * kPadded + c];
+      }
+    }
+    for (int c = 0; c < kWidth; ++c) Store(sum[c], S + at + c * 8);
+  }
+  for (int row = kGrouped; row < kWidth; ++row) {
+    const int at = kGrouped * kWidth + (row - kGrouped) * kPadded;
+    for (int c = 0; c < kWidth; c += kLanes) {
+      Pack sum = Load(U + at + c);
+      const double *e = E, *t = T;
+      for (size_t f = 0; f < run.count; ++f, e += e_stride) {
+        for (int k = 0; k < kDim; ++k)
+          sum += Load(e + k * kRowStride + c) * e[k * kRowStride + row];
+      }
+      if constexpr (!kOneMatrix) {
+        Store(sum, U + at + c);
+        sum = Load(S + at + c);
+      }
+      for (size_t f = 0; f < run.count; ++f, t += run.stride) {
+        for (int i = 0; i < kTangent; ++i) sum -= Load(t + i * kPadded + c) * t[i * kPadded + row];
+      }
+      Store(sum, S + at + c);
+    }
+  }
+}
+
+template <int kTangent, int kDim, int kWidth>
+void EliminatePlainOf(const double* rows, const ChunkFeatures& chunk, const Sums& sums) {
+  constexpr int kEntries = kTangent * (kTangent + 1) / 2;
+  constexpr int kPadded = PaddedTo8(kWidth), kRowStride = kFeatureRow + kPadded;
+  constexpr size_t kTSize = kTangent * kPadded, kESize = kDim * kRowStride;
+  const bool one_matrix = sums.U == sums.S;
+  const double* E = rows;
+  double* T = chunk.W;
+  for (size_t begin = 0; begin < chunk.count;) {
+    const uint32_t clique = chunk.clique[begin];
+    const uint32_t* nodes = chunk.clique_nodes + chunk.clique_begin[clique];
+    const uint32_t size = chunk.clique_begin[clique + 1] - chunk.clique_begin[clique];
+    const double* const run_E = E + kFeatureRow;
+    const double* const run_T = T;
+    size_t f = begin;
+    for (; f < chunk.count && chunk.clique[f] == clique; ++f) {
+      double inverse[kEntries], y[kTangent];
+      for (int k = 0; k < kEntries; ++k) inverse[k] = chunk.factors[k * chunk.stride + f];
+      for (int a = 0; a < kTangent; ++a) {
+        y[a] = 0.0;
+        for (int b = 0; b <= a; ++b)
+          y[a] += inverse[a * (a + 1) / 2 + b] * chunk.factors[(kEntries + b) * chunk.stride + f];
+      }
+      for (uint32_t p = 0; p < size; ++p, E += kESize, T += kTSize) {
+        double F[kDim][kTangent];  // F L^-T
+        for (int k = 0; k < kDim; ++k) {
+          for (int i = 0; i < kTangent; ++i) {
+            F[k][i] = E[k * kRowStride] * inverse[i * (i + 1) / 2];
+            for (int j = 1; j <= i; ++j)
+              F[k][i] += E[k * kRowStride + j] * inverse[i * (i + 1) / 2 + j];
+          }
+        }
+        const uint32_t at = sums.padded_offset[nodes[p]];
+        for (int v = 0; v < kPadded; v += kLanes) {
+          Pack g = Load(sums.gradient + at + v), d = Load(sums.diagonal + at + v);
+          Pack t[kTangent];
+          for (int i = 0; i < kTangent; ++i) t[i] = Broadcast(0.0);
+          for (int k = 0; k < kDim; ++k) {
+            const Pack e = Load(E + k * kRowStride + kFeatureRow + v);
+            g += e * E[k * kRowStride + kFeatureRow - 1];
+            d += e * e;
+            for (int i = 0; i < kTangent; ++i) t[i] += e * F[k][i];
+          }
+          Store(g, sums.gradient + at + v);
+          Store(d, sums.diagonal + at + v);
+          Pack reduction = Load(sums.reduction + at + v);
+          for (int i = 0; i < kTangent; ++i) {
+            reduction += t[i] * y[i];
+            Store(t[i], T + i * kPadded + v);
+          }
+          Store(reduction, sums.reduction + at + v);
+        }
+      }
+    }
+    const FeatureRun run{f - begin, size * kTSize};
+    begin = f;
+    for (uint32_t p = 0; p < size; ++p) {
+      const double* const Tp = run_T + p * kTSize;
+      const size_t diagonal = size_t{sums.diagonal_offset[nodes[p]]} * kFeatureRow;
+      if (one_matrix) {
+        AddDiagonalBlock<kTangent, kDim, kWidth, true>(sums.U + diagonal, sums.S + diagonal,
+                                                       run_E + p * kESize, size * kESize, Tp, run);
+      } else {
+        AddDiagonalBlock<kTangent, kDim, kWidth, false>(sums.U + diagonal, sums.S + diagonal,
+                                                        run_E + p * kESize, size * kESize, Tp, run);
+      }
+      if (chunk.pairs_begin == nullptr) {
+        for (uint32_t q = 0; q < p; ++q) {
+          SubtractSquare<kTangent, kWidth>(sums.S + RowBlockOffset(sums, nodes[p], nodes[q]), Tp,
+                                           run_T + q * kTSize, run);
+        }
+        continue;
+      }
+      const uint32_t* offsets = chunk.pairs + chunk.pairs_begin[clique - chunk.first_clique] +
+                                size_t{p} * (p + 1) / 2;
+      for (uint32_t q = 0; q < p; ++q) {
+        if (offsets[q] == kNoBlock) continue;
+        SubtractSquare<kTangent, kWidth>(sums.S + size_t{offsets[q]} * kFeatureRow, Tp,
+                                         run_T + q * kTSize, run);
+      }
+    }
+  }
 }
 
 // sum += T_p^T Z T_q, entry (j, i) in its own pack.
@@ -812,8 +970,39 @@ ChunkSums FactoriseFeatures(const ChunkFeatures& chunk, double inverse_radius) {
   return out;
 }
 
+namespace {
+
+void StoreT(const ChunkFeatures& chunk, float* stored) {
+  if (stored == nullptr) return;
+  const size_t total = chunk.w_offset[chunk.first_position[chunk.count]];
+  for (size_t i = 0; i < total; i += kLanes) StoreFloats(Load(chunk.W + i), stored + i);
+}
+
+}  // namespace
+
 void Eliminate(const ChunkFeatures& chunk, const Sums& sums, float* stored) {
-  HOLBA_WITH_TANGENT(chunk.tangent, (EliminateOf<kTangent>(chunk, sums, stored)));
+  HOLBA_WITH_TANGENT(chunk.tangent, (EliminateOf<kTangent>(chunk, sums)));
+  StoreT(chunk, stored);
+}
+
+void AccumulatePlain(const Panel& panel, const double* rows, const ChunkFeatures& chunk) {
+  if (chunk.tangent == 3) {
+    AccumulatePlainOf<3>(panel, rows, chunk);
+  } else {
+    AccumulatePlainOf<4>(panel, rows, chunk);
+  }
+}
+
+void EliminatePlain(const Panel& panel, const double* rows, const ChunkFeatures& chunk,
+                    const Sums& sums, float* stored) {
+  if (chunk.tangent == 4) {
+    EliminatePlainOf<4, 4, 6>(rows, chunk, sums);
+  } else if (panel.segments[0].width == 6) {
+    EliminatePlainOf<3, 2, 6>(rows, chunk, sums);
+  } else {
+    EliminatePlainOf<3, 2, 9>(rows, chunk, sums);
+  }
+  StoreT(chunk, stored);
 }
 
 void ApplyStep(const Panel& panel, int feature_tangent, const double* step,

@@ -703,6 +703,7 @@ void NormalEquations::LineariseSlice(
       features = FeaturesOf(chunk, *slice, scratch);
       HOLBA_SIMD_CHOOSE_IN(::holba::native, BeginChunk)(features, sums);
     }
+    Panel panel;
     for (uint32_t p = chunk.parts_begin; p < chunk.parts_end; ++p) {
       const ChunkPart& chunk_part = structure_.chunk_parts[p];
       const Part& part = structure_.parts[chunk_part.part];
@@ -714,10 +715,12 @@ void NormalEquations::LineariseSlice(
       TermCost& cost = slice->cost[part.batch_idx];
       AddTo(&cost, evaluated.count, evaluated.cost);
       AddRemembered(chunk_part, evaluated, &cost);
-      Panel panel;
       MakePanel(chunk_part, evaluated, &panel);
       rows_from_panel(panel, chunk.feature_tangent, scratch->rows.data());
-      if (chunk.feature_tangent > 0) {
+      if (chunk.plain) {
+        HOLBA_SIMD_CHOOSE_IN(::holba::native, AccumulatePlain)
+        (panel, scratch->rows.data(), features);
+      } else if (chunk.feature_tangent > 0) {
         HOLBA_SIMD_CHOOSE_IN(::holba::native, Accumulate)
         (panel, scratch->rows.data(), features, sums);
       } else {
@@ -732,8 +735,14 @@ void NormalEquations::LineariseSlice(
           HOLBA_SIMD_CHOOSE_IN(::holba::native, FactoriseFeatures)(features, inverse_radius);
       if (!(figures.max_gradient <= slice->max_gradient))
         slice->max_gradient = figures.max_gradient;
-      HOLBA_SIMD_CHOOSE_IN(::holba::native, Eliminate)
-      (features, sums, form_ == SchurForm::kImplicit ? stored_.data() + stored_begin_[c] : nullptr);
+      float* const stored =
+          form_ == SchurForm::kImplicit ? stored_.data() + stored_begin_[c] : nullptr;
+      if (chunk.plain) {
+        HOLBA_SIMD_CHOOSE_IN(::holba::native, EliminatePlain)
+        (panel, scratch->rows.data(), features, sums, stored);
+      } else {
+        HOLBA_SIMD_CHOOSE_IN(::holba::native, Eliminate)(features, sums, stored);
+      }
       visit(chunk, features, sums);
     }
   }

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <set>
 
 #include "holba/base/random.h"
 #include "holba/linear/reduced_solver.h"
@@ -46,12 +47,14 @@ struct WavyKernel {
 
 // Features of 3, 4 and 2 degrees of freedom, poses, cameras (one each, or one for all), groups of
 // several sizes; residuals with and without features, some of them absent; constant and held
-// blocks.
+// blocks. Or `plain`: many points and lines with their observations and little else, cameras held
+// unless each pose has its own.
 struct WavyProblem {
   Problem problem;
   std::vector<BlockId> poses, cameras, groups, features;
 
-  WavyProblem(bool own_cameras, LossType loss, uint64_t seed, int num_poses = 7) {
+  WavyProblem(bool own_cameras, LossType loss, uint64_t seed, bool plain = false) {
+    const int num_poses = 7;
     Random random(seed);
     const auto add = [&](std::string_view kind, int size, BlockRole role) {
       std::vector<double> values(size);
@@ -63,6 +66,7 @@ struct WavyProblem {
       if (own_cameras || i == 0) {
         cameras.push_back(add("camera", 5, BlockRole::kKept));
         problem.block(cameras.back()).held = 0b00110;
+        problem.block(cameras.back()).constant = plain && !own_cameras;
       } else {
         cameras.push_back(cameras[0]);
       }
@@ -70,7 +74,7 @@ struct WavyProblem {
     groups = {add("plane", 3, BlockRole::kKept), add("plane", 3, BlockRole::kKept),
               add("cuboid", 9, BlockRole::kKept), add("plane", 3, BlockRole::kKept)};
     problem.block(groups[3]).constant = true;
-    problem.block(poses[0]).constant = true;
+    problem.block(poses[0]).constant = !plain;
     problem.block(poses[1]).held = 0b001000;
     const auto batch_of = [&](const char* term, int dim, const std::vector<int>& tangents) {
       auto batch =
@@ -86,30 +90,33 @@ struct WavyProblem {
          intrinsics = batch_of("intrinsics", 5, {5}), sizes = batch_of("sizes", 3, {3}),
          box = batch_of("box", 6, {9});
     uint64_t datum = seed * 1000;
-    for (int f = 0; f < 60; ++f) {
-      const int tangent = f % 3 == 0 ? 4 : f % 3 == 1 ? 3 : f % 2 == 0 ? 3 : 2;
+    for (int f = 0; f < (plain ? 300 : 60); ++f) {
+      const int tangent = plain ? 3 + f % 2 : f % 3 == 0 ? 4 : f % 3 == 1 ? 3 : f % 2 == 0 ? 3 : 2;
       const BlockId feature = add("feature", tangent, BlockRole::kFeature);
       features.push_back(feature);
       if (f == 11) problem.block(feature).constant = true;
       if (f == 13) problem.block(feature).held = 0b010;
       if (f == 16) problem.values(feature)[0] = 2.5;  // absent
       KernelBatch<WavyKernel>& batch = tangent == 4 ? *lines : tangent == 3 ? *points : *small;
-      for (int i = 0; i < num_poses; ++i) {
+      for (int k = 0; k < num_poses; ++k) {
+        const int i = f % 5 == 0 ? num_poses - 1 - k : k;
         if (i >= 3 && random.Uniform(0, 1) < 0.4) continue;
         batch.Add(std::array{feature, poses[i], cameras[i]}, {++datum});
+        if (plain) continue;
         if (tangent == 3 && f % 2 == 1)
           on_plane->Add(std::array{feature, poses[i], cameras[i], groups[f % 4 == 3 ? 3 : f % 2]},
                         {++datum});
         if (tangent == 3 && f % 4 == 0)
           on_cuboid->Add(std::array{feature, poses[i], cameras[i], groups[2]}, {++datum});
       }
-      if (tangent == 4) vp->Add(std::array{feature, groups[f % 2]}, {++datum});
+      if (tangent == 4 && !plain) vp->Add(std::array{feature, groups[f % 2]}, {++datum});
     }
     relation->Add(std::array{groups[0], groups[2]}, {++datum});
     relation->Add(std::array{groups[3], groups[2]}, {++datum});
     // Enough on their own for full rank.
     for (BlockId pose : poses) prior->Add(std::array{pose}, {++datum});
-    for (size_t i = 0; i < (own_cameras ? cameras.size() : 1); ++i)
+    // A camera that a residual sees without its pose is a node of its own.
+    for (size_t i = 0; i < (plain ? 0 : own_cameras ? cameras.size() : 1); ++i)
       intrinsics->Add(std::array{cameras[i]}, {++datum});
     for (int g : {0, 1, 3}) sizes->Add(std::array{groups[g]}, {++datum});
     for (int repeat = 0; repeat < 2; ++repeat) box->Add(std::array{groups[2]}, {++datum});
@@ -187,6 +194,7 @@ std::vector<int> PlacesOfKept(const NormalEquations& equations, const DenseSyste
 struct Case {
   bool own_cameras;
   LossType loss;
+  bool plain = false;
 };
 
 class NormalEquationsOf : public testing::TestWithParam<Case> {
@@ -205,7 +213,7 @@ std::vector<SimdTarget> SupportedTargets() {
 }
 
 TEST_P(NormalEquationsOf, AreThoseOfTheDenseSystem) {
-  WavyProblem wavy(GetParam().own_cameras, GetParam().loss, 3);
+  WavyProblem wavy(GetParam().own_cameras, GetParam().loss, 3, GetParam().plain);
   const Problem& problem = wavy.problem;
   const DenseSystem dense(problem);
   const double radius = 20.0;
@@ -239,6 +247,14 @@ TEST_P(NormalEquationsOf, AreThoseOfTheDenseSystem) {
       NormalEquations equations;
       equations.Begin(problem, 2);
       equations.SetForm(form);
+      // Plain chunks come in all shapes but for cameras of their own, whose lines take 9 unknowns.
+      std::set<int> plain_tangents;
+      for (const Chunk& chunk : equations.structure().chunks) {
+        if (chunk.plain) plain_tangents.insert(chunk.feature_tangent);
+      }
+      EXPECT_EQ(plain_tangents, !GetParam().plain           ? std::set<int>()
+                                : GetParam().own_cameras ? std::set<int>({3})
+                                                         : std::set<int>({3, 4}));
       Linearisation linearisation;
       equations.Linearise(radius, &linearisation);
       EXPECT_NEAR(linearisation.cost.total, dense.cost, 1e-12 * dense.cost);
@@ -307,7 +323,7 @@ TEST_P(NormalEquationsOf, AreThoseOfTheDenseSystem) {
 }
 
 TEST_P(NormalEquationsOf, GiveTheCovariancesOfTheDenseSystem) {
-  WavyProblem wavy(GetParam().own_cameras, GetParam().loss, 4);
+  WavyProblem wavy(GetParam().own_cameras, GetParam().loss, 4, GetParam().plain);
   wavy.problem.values(wavy.features[16])[0] = 0.1;  // no longer absent
   const DenseSystem dense(wavy.problem);
   const Eigen::MatrixXd H = dense.J.transpose() * dense.J;
@@ -329,10 +345,11 @@ TEST_P(NormalEquationsOf, GiveTheCovariancesOfTheDenseSystem) {
     };
     for (BlockId id = 0; id < wavy.problem.num_blocks(); ++id)
       expect_block(id, id, covariance->Of(id));
-    const auto between = covariance->Between(wavy.poses[2], wavy.groups[2]);
+    const BlockId other = GetParam().plain ? wavy.poses[3] : wavy.groups[2];
+    const auto between = covariance->Between(wavy.poses[2], other);
     ASSERT_TRUE(between.has_value());
-    expect_block(wavy.poses[2], wavy.groups[2], *between);
-    const auto turned = covariance->Between(wavy.groups[2], wavy.poses[2]);
+    expect_block(wavy.poses[2], other, *between);
+    const auto turned = covariance->Between(other, wavy.poses[2]);
     EXPECT_EQ(*turned, between->transpose());
     EXPECT_FALSE(covariance->Between(wavy.features[0], wavy.poses[2]).has_value());
   }
@@ -355,7 +372,9 @@ INSTANTIATE_TEST_SUITE_P(Cases, NormalEquationsOf,
                          testing::Values(Case{false, LossType::kTrivial},
                                          Case{true, LossType::kTrivial},
                                          Case{false, LossType::kCauchy},
-                                         Case{true, LossType::kHuber}));
+                                         Case{true, LossType::kHuber},
+                                         Case{false, LossType::kTrivial, true},
+                                         Case{true, LossType::kCauchy, true}));
 
 TEST(NormalEquations, HaveNoCovarianceWhereTheGaugeIsFree) {
   WavyProblem wavy(false, LossType::kTrivial, 5);

@@ -403,6 +403,20 @@ void Structure::SortKeys(int key_bits) {
   }
 }
 
+// The residuals of each feature in the order of their nodes.
+void Structure::SortByNode(Part* part, const uint32_t* start, size_t num_features) const {
+  const auto node_of = [&](uint32_t residual) { return NodeOf(*part, part->segments[0], residual); };
+  const auto before = [&](uint32_t a, uint32_t b) {
+    const uint32_t node_a = node_of(a), node_b = node_of(b);
+    return node_a != node_b ? node_a < node_b : a < b;
+  };
+  for (size_t f = 0; f < num_features; ++f) {
+    uint32_t* const first = part->residuals.data() + start[f];
+    uint32_t* const last = part->residuals.data() + start[f + 1];
+    if (!std::is_sorted(first, last, before)) std::sort(first, last, before);
+  }
+}
+
 void Structure::MakeChunks(const Problem& problem) {
   const size_t n = features.size();
   chunks.clear();
@@ -438,6 +452,7 @@ void Structure::MakeChunks(const Problem& problem) {
       start[0] = 0;
       part.residuals.assign(sorted.begin(), sorted.end());
     }
+    if (part.num_segments == 1) SortByNode(&part, start, n);
     part.local_feature.resize(part.residuals.size());
     part.positions.resize(part.residuals.size() * part.num_segments);
   }
@@ -521,6 +536,7 @@ void Structure::MakeChunks(const Problem& problem) {
       }
     }
     chunk.parts_end = static_cast<uint32_t>(chunk_parts.size());
+    chunk.plain = IsPlain(chunk);
     finish(&chunk);
     begin = end;
   }
@@ -542,6 +558,27 @@ void Structure::MakeChunks(const Problem& problem) {
       finish(&chunk);
     }
   }
+}
+
+// Whether the residuals are those of one part, one for each place of the features' cliques, in
+// order.
+bool Structure::IsPlain(const Chunk& chunk) const {
+  if (chunk.parts_end - chunk.parts_begin != 1) return false;
+  const ChunkPart& cp = chunk_parts[chunk.parts_begin];
+  const Part& part = parts[cp.part];
+  if (part.num_segments != 1 || cp.end - cp.begin != chunk.num_positions) return false;
+  const int width = part.segments[0].width;
+  if (!IsPlainShape(chunk.feature_tangent, part.batch->dim(), width)) return false;
+  uint32_t j = cp.begin;
+  for (uint32_t f = chunk.feature_begin; f < chunk.feature_end; ++f) {
+    const auto nodes = cliques.Nodes(feature_clique[f]);
+    for (size_t p = 0; p < nodes.size(); ++p, ++j) {
+      if (part.local_feature[j] != f - chunk.feature_begin || node_width[nodes[p]] != width ||
+          part.positions[j] != (p | kFirstTouch))
+        return false;
+    }
+  }
+  return true;
 }
 
 void Structure::FindHeld(const Problem& problem) {

@@ -100,6 +100,7 @@ struct Chunk {
   uint32_t feature_begin = 0, feature_end = 0;
   uint32_t parts_begin = 0, parts_end = 0;
   uint32_t num_positions = 0;  // sum of the sizes of the features' cliques
+  bool plain = false;          // EliminatePlain (elimination.h) applies
   size_t w_size = 0;           // doubles of W of all its features
   size_t factor_begin = 0;     // of its features' factors, doubles
 };
@@ -149,6 +150,8 @@ struct Structure {
   void FindParts(const Problem& problem);
   void OrderFeatures(const Problem& problem);
   void SortKeys(int key_bits);
+  void SortByNode(Part* part, const uint32_t* start, size_t num_features) const;
+  bool IsPlain(const Chunk& chunk) const;
   void MakeChunks(const Problem& problem);
   void FindHeld(const Problem& problem);
   // Node of a segment of a residual; kNone: nothing of it moves.
