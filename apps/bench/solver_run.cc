@@ -41,23 +41,25 @@ double StatusKib(const std::string& key) {
   return 0.0;
 }
 
-// Growth of the resident set from its construction on, at its largest.
+// Growth of the memory from its construction on, at its largest: of the resident set without pages
+// of files, or the first use of a piece of the program would count as memory of the solver.
 class MemoryWatch {
  public:
   MemoryWatch() {
     // Free pages that are still resident would hide what is allocated next.
     malloc_trim(0);
     std::ofstream("/proc/self/clear_refs") << "5\n";  // the peak so far is forgotten
-    before_kib_ = StatusKib("VmRSS");
-    is_reset_ = before_kib_ > 0.0 && StatusKib("VmHWM") < before_kib_ + 1024.0;
-    if (!is_reset_) before_kib_ = PeakKib();
+    const double resident_kib = StatusKib("VmRSS");
+    is_reset_ = resident_kib > 0.0 && StatusKib("VmHWM") < resident_kib + 1024.0;
+    before_kib_ = is_reset_ ? resident_kib - FilesKib() : PeakKib();
   }
   double PeakMb() const {
-    const double peak_kib = is_reset_ ? StatusKib("VmHWM") : PeakKib();
+    const double peak_kib = is_reset_ ? StatusKib("VmHWM") - FilesKib() : PeakKib();
     return std::max(0.0, peak_kib - before_kib_) / 1024.0;
   }
 
  private:
+  static double FilesKib() { return StatusKib("RssFile") + StatusKib("RssShmem"); }
   static double PeakKib() {
     rusage usage{};
     getrusage(RUSAGE_SELF, &usage);

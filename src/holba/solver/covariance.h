@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "holba/problem/problem.h"
+#include "holba/solver/solver.h"
 
 namespace holba {
 
@@ -19,7 +20,9 @@ class Covariance {
   // From the factor of the reduced system: its inverse on its own blocks, and from those the
   // features' covariances, in about the time of two or three iterations. Empty: the reduced
   // system is singular (a gauge that is not fixed, a kept block that nothing observes).
-  static std::optional<Covariance> Compute(const Problem& problem, int num_threads = -1);
+  // `workspace`: that of the problem's Solve saves the analysis.
+  static std::optional<Covariance> Compute(const Problem& problem, int num_threads = -1,
+                                           SolverWorkspace* workspace = nullptr);
 
   // tangent x tangent, infinite for a feature that its residuals do not fix; rows and columns of
   // held coordinates are 0, and so is all of a constant block, and of a block that no residual

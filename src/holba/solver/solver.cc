@@ -103,15 +103,17 @@ SolverWorkspace::SolverWorkspace() = default;
 SolverWorkspace::SolverWorkspace(SolverWorkspace&&) noexcept = default;
 SolverWorkspace& SolverWorkspace::operator=(SolverWorkspace&&) noexcept = default;
 SolverWorkspace::~SolverWorkspace() = default;
+NativeWorkspace& SolverWorkspace::Native() {
+  if (native_ == nullptr) native_ = std::make_unique<NativeWorkspace>();
+  return *native_;
+}
 
 SolverSummary Solve(const SolverOptions& options, Problem* problem, SolverWorkspace* workspace) {
   SolverSummary summary;
   switch (options.backend) {
     case Backend::kNative: {
       SolverWorkspace own;
-      std::unique_ptr<NativeWorkspace>& native = (workspace ? workspace : &own)->native_;
-      if (native == nullptr) native = std::make_unique<NativeWorkspace>();
-      summary = SolveNatively(options, problem, native.get());
+      summary = SolveNatively(options, problem, &(workspace ? workspace : &own)->Native());
       break;
     }
     case Backend::kCeres:

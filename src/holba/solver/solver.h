@@ -100,8 +100,9 @@ class SolverWorkspace {
   SolverWorkspace& operator=(SolverWorkspace&&) noexcept;
   ~SolverWorkspace();
 
+  NativeWorkspace& Native();  // of the backend; made on first use
+
  private:
-  friend SolverSummary Solve(const SolverOptions&, Problem*, SolverWorkspace*);
   std::unique_ptr<NativeWorkspace> native_;
 };
 

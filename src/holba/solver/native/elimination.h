@@ -152,7 +152,9 @@ HOLBA_SIMD_DECLARE(void EliminatePlain(const Panel& panel, const double* rows,
 // L^-1 of V + max(diag V, floor) / radius, floor = 1e-6 (1 + sqrt(V_ii))^2 (as Ceres, whose columns
 // are scaled by 1 / (1 + sqrt(V_ii))).
 HOLBA_SIMD_DECLARE(ChunkSums FactoriseFeatures(const ChunkFeatures& chunk, double inverse_radius))
-// T into W's place; subtracts from S and adds to the reduction. T is copied, in single precision,
+// T into W's place; adds to the reduction.
+HOLBA_SIMD_DECLARE(void FormT(const ChunkFeatures& chunk, const Sums& sums))
+// The same, and subtracts from S. T is copied, in single precision,
 // to `stored` (F x padded entries per position, positions in order) unless it is null.
 HOLBA_SIMD_DECLARE(void Eliminate(const ChunkFeatures& chunk, const Sums& sums, float* stored))
 
@@ -169,8 +171,8 @@ HOLBA_SIMD_DECLARE(double ModelChange(const Panel& panel, int feature_tangent, c
                                       const double* x))
 
 // Covariances of the features of a chunk, L^-T (I + T^T Z T) L^-1 with Z = S^-1 on the blocks of S,
-// T where Eliminate left it: F x F entries of feature i at covariances[i * F * F]. Z is a
-// BlockMatrix's values; z_offset: of the blocks of the pairs (p, q <= p) of each feature's clique,
+// T where FormT left it: F x F entries of feature i at covariances[i * F * F]. Z is a BlockMatrix's
+// values, zeros in its padding; z_offset: of the blocks of the pairs (p, q <= p) of each feature's clique,
 // from z_begin[i] on.
 HOLBA_SIMD_DECLARE(void FeatureCovariances(const ChunkFeatures& chunk, const Sums& sums,
                                            const double* Z, const size_t* z_offset,

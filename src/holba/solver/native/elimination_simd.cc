@@ -391,7 +391,7 @@ ChunkSums FactoriseOf(const ChunkFeatures& chunk, double inverse_radius) {
 
 // W -> T = W L^-T in place; reduction += T y.
 template <int kPacks, int kTangent>
-HOLBA_SIMD_INLINE void FormT(double* W, const double* inverse, const double* y, double* reduction) {
+HOLBA_SIMD_INLINE void FormTOf(double* W, const double* inverse, const double* y, double* reduction) {
   for (int v = 0; v < kPacks; ++v) {
     Pack w[kTangent];
     for (int i = 0; i < kTangent; ++i) w[i] = Load(W + (i * kPacks + v) * kLanes);
@@ -525,7 +525,7 @@ void SubtractRow(const ChunkFeatures& chunk, const Sums& sums, const uint32_t* n
   }
 }
 
-template <int kTangent>
+template <int kTangent, bool kSubtract>
 void EliminateOf(const ChunkFeatures& chunk, const Sums& sums) {
   constexpr int kEntries = kTangent * (kTangent + 1) / 2;
   for (size_t begin = 0; begin < chunk.count;) {
@@ -546,12 +546,13 @@ void EliminateOf(const ChunkFeatures& chunk, const Sums& sums) {
       for (uint32_t p = 0; p < size; ++p) {
         const uint32_t at = sums.padded_offset[nodes[p]];
         const int padded = static_cast<int>(sums.padded_offset[nodes[p] + 1] - at);
-        HOLBA_WITH_PACKS(padded, (FormT<kPacks, kTangent>(chunk.W + w_offset[p], inverse, y,
-                                                          sums.reduction + at)));
+        HOLBA_WITH_PACKS(padded, (FormTOf<kPacks, kTangent>(chunk.W + w_offset[p], inverse, y,
+                                                            sums.reduction + at)));
       }
     }
     const FeatureRun run{f - begin, size_t{first_offset[size]} - first_offset[0]};
     begin = f;
+    if constexpr (!kSubtract) continue;
     for (uint32_t p = 0; p < size; ++p) {
       const uint32_t* offsets = chunk.pairs_begin == nullptr
                                     ? nullptr
@@ -737,8 +738,7 @@ HOLBA_SIMD_INLINE void AddQuadratic(const double* Z, const double* Tp, const dou
     }
     for (int j = 0; j < kTangent; ++j) {
       const Pack t = Load(Tp + (j * kPacks + v) * kLanes);
-      // What stands in the padding of Z is unknown; T is 0 there.
-      for (int i = 0; i < kTangent; ++i) sum[j][i] += t == 0.0 ? Broadcast(0.0) : t * product[i];
+      for (int i = 0; i < kTangent; ++i) sum[j][i] += t * product[i];
     }
   }
 }
@@ -752,15 +752,15 @@ void FeatureCovariancesOf(const ChunkFeatures& chunk, const Sums& sums, const do
     const uint32_t size = chunk.clique_begin[clique + 1] - chunk.clique_begin[clique];
     const uint32_t* w_offset = chunk.w_offset + chunk.first_position[f];
     const size_t* offset = z_offset + z_begin[f];
-    double inner[kTangent][kTangent] = {};
+    // Lane by lane; added up across lanes at the end.
+    Pack off_diagonal[kTangent][kTangent], diagonal[kTangent][kTangent];
+    for (int j = 0; j < kTangent; ++j) {
+      for (int i = 0; i < kTangent; ++i) off_diagonal[j][i] = diagonal[j][i] = Broadcast(0.0);
+    }
     for (uint32_t p = 0; p < size; ++p) {
       const uint32_t a = nodes[p];
       const double* Tp = chunk.W + w_offset[p];
       const int padded_p = static_cast<int>(sums.padded_offset[a + 1] - sums.padded_offset[a]);
-      Pack off_diagonal[kTangent][kTangent], diagonal[kTangent][kTangent];
-      for (int j = 0; j < kTangent; ++j) {
-        for (int i = 0; i < kTangent; ++i) off_diagonal[j][i] = diagonal[j][i] = Broadcast(0.0);
-      }
       for (uint32_t q = 0; q <= p; ++q, ++offset) {
         const uint32_t b = nodes[q];
         const int padded_q = static_cast<int>(sums.padded_offset[b + 1] - sums.padded_offset[b]);
@@ -768,12 +768,13 @@ void FeatureCovariancesOf(const ChunkFeatures& chunk, const Sums& sums, const do
                                        Z + *offset, Tp, chunk.W + w_offset[q], sums.width[b],
                                        padded_q, q == p ? diagonal : off_diagonal)));
       }
-      for (int j = 0; j < kTangent; ++j) {
-        for (int i = 0; i < kTangent; ++i) {
-          const double off = Sum(off_diagonal[j][i]);
-          inner[j][i] += off + Sum(diagonal[j][i]);
-          inner[i][j] += off;
-        }
+    }
+    double inner[kTangent][kTangent] = {};
+    for (int j = 0; j < kTangent; ++j) {
+      for (int i = 0; i < kTangent; ++i) {
+        const double off = Sum(off_diagonal[j][i]);
+        inner[j][i] += off + Sum(diagonal[j][i]);
+        inner[i][j] += off;
       }
     }
     double L[kTangent][kTangent] = {};  // L^-1
@@ -980,8 +981,12 @@ void StoreT(const ChunkFeatures& chunk, float* stored) {
 
 }  // namespace
 
+void FormT(const ChunkFeatures& chunk, const Sums& sums) {
+  HOLBA_WITH_TANGENT(chunk.tangent, (EliminateOf<kTangent, false>(chunk, sums)));
+}
+
 void Eliminate(const ChunkFeatures& chunk, const Sums& sums, float* stored) {
-  HOLBA_WITH_TANGENT(chunk.tangent, (EliminateOf<kTangent>(chunk, sums)));
+  HOLBA_WITH_TANGENT(chunk.tangent, (EliminateOf<kTangent, true>(chunk, sums)));
   StoreT(chunk, stored);
 }
 

@@ -39,6 +39,8 @@ class StepSolver {
   virtual ~StepSolver() = default;
   // The kept unknowns' step; false: none found at this damping.
   virtual bool Solve(NormalEquations* equations, std::span<double> step) = 0;
+  // The direct solver, if it is one.
+  virtual ReducedSolver* Direct() { return nullptr; }
   // Before another problem of the same pattern.
   virtual void Reset() {}
   virtual std::string Name() const = 0;
@@ -51,6 +53,7 @@ class DirectStep final : public StepSolver {
     return solver_->Factorise(equations->matrix()) &&
            solver_->Solve(equations->rhs().data(), step.data());
   }
+  ReducedSolver* Direct() override { return solver_.get(); }
   void Reset() override { solver_->Reset(); }
   std::string Name() const override { return solver_->Name(); }
 
@@ -176,6 +179,24 @@ struct NativeWorkspace::Data {
   // Analyses the problem.
   void Begin(const SolverOptions& options, int num_threads, const Problem& problem);
 };
+
+native::NormalEquations& NativeWorkspace::equations() { return data_->equations; }
+
+ReducedSolver* NativeWorkspace::BeginExplicit(const Problem& problem, int num_threads) {
+  Data& data = *data_;
+  if (!data.equations.Begin(problem, num_threads)) data.chosen = LinearSolver::kAuto;
+  SolverOptions options;
+  options.linear_solver = data.chosen;
+  if (data.chosen != LinearSolver::kSparse && data.chosen != LinearSolver::kDense) {
+    options.linear_solver = native::IsSparseFaster(data.equations.FindPattern())
+                                ? LinearSolver::kSparse
+                                : LinearSolver::kDense;
+  }
+  // One for mixed precision makes a factor in double when it is asked for the inverse.
+  options.precision = data.made_for.mixed ? FactorPrecision::kMixed : FactorPrecision::kDouble;
+  data.Begin(options, num_threads, problem);
+  return data.solver->Direct();
+}
 
 NativeWorkspace::NativeWorkspace() : data_(std::make_unique<Data>()) {}
 NativeWorkspace::~NativeWorkspace() = default;

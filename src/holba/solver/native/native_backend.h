@@ -8,6 +8,11 @@
 
 namespace holba {
 
+class ReducedSolver;
+namespace native {
+class NormalEquations;
+}
+
 // Memory and analyses that a solve leaves for the next one.
 class NativeWorkspace {
  public:
@@ -15,6 +20,11 @@ class NativeWorkspace {
   ~NativeWorkspace();
   struct Data;
   Data& data() { return *data_; }
+
+  // Analyses the problem for the explicit form of the reduced system, with a direct solver for it
+  // (null: no block is kept).
+  ReducedSolver* BeginExplicit(const Problem& problem, int num_threads);
+  native::NormalEquations& equations();
 
  private:
   std::unique_ptr<Data> data_;

@@ -684,7 +684,7 @@ void NormalEquations::ForEachSlice(const Body& body) {
 
 void NormalEquations::LineariseSlice(
     SliceData* slice, double inverse_radius, Scratch* scratch,
-    FunctionRef<void(const Chunk&, const ChunkFeatures&, const Sums&)> visit) {
+    const FunctionRef<void(const Chunk&, const ChunkFeatures&, const Sums&)>* visit) {
   const Sums sums = SumsOf(slice);
   std::memset(slice->S, 0, slice->sums_size * sizeof(double));
   if (slice->U != slice->S) std::memset(slice->U, 0, slice->sums_size * sizeof(double));
@@ -717,7 +717,7 @@ void NormalEquations::LineariseSlice(
       AddRemembered(chunk_part, evaluated, &cost);
       MakePanel(chunk_part, evaluated, &panel);
       rows_from_panel(panel, chunk.feature_tangent, scratch->rows.data());
-      if (chunk.plain) {
+      if (chunk.plain && visit == nullptr) {
         HOLBA_SIMD_CHOOSE_IN(::holba::native, AccumulatePlain)
         (panel, scratch->rows.data(), features);
       } else if (chunk.feature_tangent > 0) {
@@ -737,13 +737,15 @@ void NormalEquations::LineariseSlice(
         slice->max_gradient = figures.max_gradient;
       float* const stored =
           form_ == SchurForm::kImplicit ? stored_.data() + stored_begin_[c] : nullptr;
-      if (chunk.plain) {
+      if (visit != nullptr) {
+        HOLBA_SIMD_CHOOSE_IN(::holba::native, FormT)(features, sums);
+        (*visit)(chunk, features, sums);
+      } else if (chunk.plain) {
         HOLBA_SIMD_CHOOSE_IN(::holba::native, EliminatePlain)
         (panel, scratch->rows.data(), features, sums, stored);
       } else {
         HOLBA_SIMD_CHOOSE_IN(::holba::native, Eliminate)(features, sums, stored);
       }
-      visit(chunk, features, sums);
     }
   }
   slice->seconds = slice_timer.Seconds();
@@ -795,8 +797,7 @@ void NormalEquations::MergeBlocks() {
 
 void NormalEquations::Linearise(double radius, Linearisation* out) {
   ForEachSlice([&](SliceData* slice, Scratch* scratch) {
-    LineariseSlice(slice, 1.0 / radius, scratch,
-                   [](const Chunk&, const ChunkFeatures&, const Sums&) {});
+    LineariseSlice(slice, 1.0 / radius, scratch, nullptr);
   });
   MergeBlocks();
   const size_t padded = structure_.padded_size();
@@ -851,42 +852,47 @@ void NormalEquations::FeatureCovariances(const BlockMatrix& Z, std::vector<size_
   covariances->resize(begin->back());
   ForEachSlice([&](SliceData* slice, Scratch* scratch) {
     std::vector<size_t> z_offset, z_begin;
-    LineariseSlice(
-        slice, 0.0, scratch,
-        [&](const Chunk& chunk, const ChunkFeatures& features, const Sums& sums) {
-          z_offset.clear();
-          z_begin.clear();
-          uint32_t last = kNone;
-          for (size_t f = 0; f < features.count; ++f) {
-            if (features.clique[f] == last) {
-              z_begin.push_back(z_begin.back());
-              continue;
+    const auto visit = [&](const Chunk& chunk, const ChunkFeatures& features, const Sums& sums) {
+      z_offset.clear();
+      z_begin.clear();
+      uint32_t last = kNone;
+      for (size_t f = 0; f < features.count; ++f) {
+        if (features.clique[f] == last) {
+          z_begin.push_back(z_begin.back());
+          continue;
+        }
+        last = features.clique[f];
+        z_begin.push_back(z_offset.size());
+        const auto nodes = s.cliques.Nodes(last);
+        for (size_t p = 0; p < nodes.size(); ++p) {
+          // Ascending columns meet ascending nodes.
+          size_t k = pattern_.row_start[nodes[p]];
+          const size_t end = pattern_.row_start[nodes[p] + 1];
+          for (size_t q = 0; q <= p; ++q) {
+            const int b = static_cast<int>(nodes[q]);
+            if (pattern_.column[k] != b) {
+              k = std::lower_bound(pattern_.column.begin() + k, pattern_.column.begin() + end, b) -
+                  pattern_.column.begin();
             }
-            last = features.clique[f];
-            z_begin.push_back(z_offset.size());
-            const auto nodes = s.cliques.Nodes(last);
-            for (size_t p = 0; p < nodes.size(); ++p) {
-              for (size_t q = 0; q <= p; ++q) {
-                z_offset.push_back(Z.block_offset[pattern_.Find(static_cast<int>(nodes[p]),
-                                                                static_cast<int>(nodes[q]))]);
-              }
-            }
+            z_offset.push_back(Z.block_offset[k]);
           }
-          HOLBA_SIMD_CHOOSE_IN(::holba::native, FeatureCovariances)
-          (features, sums, Z.values.data(), z_offset.data(), z_begin.data(),
-           covariances->data() + (*begin)[chunk.feature_begin]);
-          // What no residual fixes is anywhere.
-          const int F = chunk.feature_tangent;
-          for (size_t f = 0; f < features.count; ++f) {
-            const ParameterBlock& block = problem_->block(s.features[chunk.feature_begin + f]);
-            for (int i = 0; i < F; ++i) {
-              const double inverse = features.factors[(i * (i + 1) / 2 + i) * features.stride + f];
-              if (inverse != 0.0 || (block.held >> i & 1)) continue;
-              std::fill_n(covariances->data() + (*begin)[chunk.feature_begin + f], F * F,
-                          std::numeric_limits<double>::infinity());
-            }
-          }
-        });
+        }
+      }
+      double* const out = covariances->data() + (*begin)[chunk.feature_begin];
+      HOLBA_SIMD_CHOOSE_IN(::holba::native, FeatureCovariances)
+      (features, sums, Z.values.data(), z_offset.data(), z_begin.data(), out);
+      // What no residual fixes is anywhere.
+      const int F = chunk.feature_tangent;
+      for (size_t f = 0; f < features.count; ++f) {
+        for (int i = 0; i < F; ++i) {
+          if (features.factors[(i * (i + 1) / 2 + i) * features.stride + f] != 0.0) continue;
+          if (problem_->block(s.features[chunk.feature_begin + f]).held >> i & 1) continue;
+          std::fill_n(out + f * F * F, F * F, std::numeric_limits<double>::infinity());
+        }
+      }
+    };
+    const FunctionRef<void(const Chunk&, const ChunkFeatures&, const Sums&)> reference(visit);
+    LineariseSlice(slice, 0.0, scratch, &reference);
   });
 }
 

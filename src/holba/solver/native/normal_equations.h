@@ -105,9 +105,10 @@ class NormalEquations {
   void AddRemembered(const ChunkPart& chunk_part, const Evaluated& evaluated, TermCost* cost) const;
   void CompareWithTrial(const ChunkPart& chunk_part, const Evaluated& now, const Evaluated& trial,
                         SliceData* slice) const;
-  // `covariances`: called for each chunk of features once its T stand in the scratch.
+  // `visit`, unless null: called for each chunk of features once its T stand in the scratch; then
+  // nothing is subtracted from S.
   void LineariseSlice(SliceData* slice, double inverse_radius, Scratch* scratch,
-                      FunctionRef<void(const Chunk&, const ChunkFeatures&, const Sums&)> visit);
+                      const FunctionRef<void(const Chunk&, const ChunkFeatures&, const Sums&)>* visit);
   void StepSlice(SliceData* slice, Scratch* scratch);
   void MergeBlocks();
   template <typename Body>
