@@ -29,8 +29,9 @@ INCHES_PER_PROBLEM = 0.75
 
 
 def least(problem: dict, prefixes: tuple[str, ...], is_exact: bool, key: str) -> float | None:
-    """Least number `key` of the problem's solvers of a family. None: none of them has it."""
-    values = [s[key] for s in problem["solvers"]
+    """Least number `key` of the problem's solvers of a family, times to a cost with the time of building the problem.
+    None: none of them has it."""
+    values = [s[key] + (s["build_problem_seconds"] if key.startswith("seconds_to") else 0.0) for s in problem["solvers"]
               if s["solver"].startswith(prefixes) and s.get("is_exact") == is_exact and s.get(key)]
     return min(values, default=None)
 

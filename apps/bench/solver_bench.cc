@@ -86,6 +86,11 @@ void RunAll(const SolverBenchOptions& options, const SolverProblem& problem,
               repetition + 1, options.repetitions);
     }
   }
+  for (SolverResult& of : result->results) {
+    if (of.competitor.IsNative() && of.competitor.linear_solver == LinearSolver::kAuto &&
+        of.timed.front().failure.empty())
+      of.covariances = run(of, RunMode::kCovariances);
+  }
   if (!problem.is_local || options.calls == 0) return;
   for (SolverResult& of : result->results) {
     if (of.skipped.empty() && of.timed.front().failure.empty()) of.calls = run(of, RunMode::kCalls);
@@ -106,6 +111,7 @@ struct Best {
     value = *candidate;
     label = Label(competitor);
   }
+  std::string Number() const { return label.empty() ? "-" : ThreeDigits(1e3 * value); }
   std::string Cell() const {
     return label.empty() ? "-" : fmt::format("{} ({})", ThreeDigits(1e3 * value), label);
   }
@@ -213,30 +219,56 @@ std::optional<Table> CallsTable(const SolverBenchResult& bench) {
   return table;
 }
 
+std::optional<Table> CovariancesTable(const SolverBenchResult& bench) {
+  Table table = {
+      "Covariances of all cameras, groups and features by the native solver, the gauge fixed; ms, in "
+      "parentheses relative to one iteration:",
+      {"problem"},
+      {}};
+  for (const SolverBenchProblemResult& p : bench.problems) {
+    std::vector<std::string> row = {p.name};
+    for (const SolverResult& of : p.results) {
+      const auto seconds = Median(of.covariances.seconds);
+      if (!seconds) continue;
+      if (table.rows.empty()) table.header.push_back(Label(of.competitor));
+      row.push_back(fmt::format("{} ({:.1f})", ThreeDigits(1e3 * *seconds),
+                                *seconds / of.covariances.build_seconds));
+    }
+    if (row.size() == table.header.size() && row.size() > 1) table.rows.push_back(row);
+  }
+  if (table.rows.empty()) return std::nullopt;
+  return table;
+}
+
 Table SummaryTable(const SolverBenchResult& bench) {
   Table table = {
-      "The best of Ceres, whatever its form, dense algebra and threads, to the best of the native "
-      "solver; ms:",
-      {"problem", "iteration, native", "iteration, Ceres (exact)", "ratio", "to 0.1 %, native",
-       "to 0.1 %, Ceres", "ratio", "memory, MB, native", "memory, MB, Ceres (least)"},
+      "The best of the native solver's forms and the best of Ceres', whatever their dense algebra and "
+      "threads; ms, to 0.1 % with all building; memory in MB:",
+      {"problem", "images, residuals", "native", "Ceres, factorised", "ratio", "native, iterative",
+       "Ceres, iterative", "ratio", "to 0.1 %: native", "Ceres", "ratio", "memory: native", "Ceres",
+       "ratio"},
       {}};
   for (const SolverBenchProblemResult& p : bench.problems) {
     const double best_cost = BestCost(p);
-    Best native_step, ceres_step, native_time, ceres_time, native_memory, ceres_memory;
+    // By whether it is the native solver, and whether steps are exact.
+    Best step[2][2], time[2], memory[2];
     for (const SolverResult& of : p.results) {
       const SolverScore score = ScoreOf(of, best_cost);
       if (!score.failure.empty()) continue;
       const bool native = of.competitor.IsNative();
-      if (score.is_exact) {
-        (native ? native_step : ceres_step).Offer(score.seconds_per_iteration, of.competitor);
+      step[native][score.is_exact].Offer(score.seconds_per_iteration, of.competitor);
+      if (score.seconds_to_01_percent) {
+        time[native].Offer(*score.seconds_to_01_percent + score.build_problem_seconds,
+                           of.competitor);
       }
-      (native ? native_time : ceres_time).Offer(score.seconds_to_01_percent, of.competitor);
-      (native ? native_memory : ceres_memory).Offer(1e-3 * score.peak_memory_mb, of.competitor);
+      memory[native].Offer(1e-3 * score.peak_memory_mb, of.competitor);
     }
-    table.rows.push_back({p.name, native_step.Cell(), ceres_step.Cell(),
-                          RatioCell(ceres_step, native_step), native_time.Cell(), ceres_time.Cell(),
-                          RatioCell(ceres_time, native_time), native_memory.Cell(),
-                          ceres_memory.Cell()});
+    table.rows.push_back({p.name, fmt::format("{}, {}", p.num_images, p.num_residuals),
+                          step[1][1].Number(), step[0][1].Number(),
+                          RatioCell(step[0][1], step[1][1]), step[1][0].Number(),
+                          step[0][0].Number(), RatioCell(step[0][0], step[1][0]), time[1].Cell(),
+                          time[0].Cell(), RatioCell(time[0], time[1]), memory[1].Number(),
+                          memory[0].Number(), RatioCell(memory[0], memory[1])});
   }
   return table;
 }
@@ -276,6 +308,7 @@ nlohmann::json ResultToJson(const SolverResult& of, double best_cost) {
   json["seconds_to_1_percent"] = OptionalToJson(score.seconds_to_1_percent);
   json["seconds_to_01_percent"] = OptionalToJson(score.seconds_to_01_percent);
   json["seconds_per_call"] = OptionalToJson(score.seconds_per_call);
+  json["seconds_of_covariances"] = OptionalToJson(Median(of.covariances.seconds));
   json["build_problem_seconds"] = score.build_problem_seconds;
   json["peak_memory_mb"] = score.peak_memory_mb;
   json["initial_cost"] = score.initial_cost;
@@ -373,6 +406,7 @@ std::vector<Table> SolverTables(const SolverBenchResult& result) {
     tables.push_back(DetailTable(result, problem));
   }
   if (auto calls = CallsTable(result)) tables.push_back(*std::move(calls));
+  if (auto covariances = CovariancesTable(result)) tables.push_back(*std::move(covariances));
   tables.push_back(SummaryTable(result));
   return tables;
 }

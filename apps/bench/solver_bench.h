@@ -33,6 +33,7 @@ struct SolverResult {
   std::string skipped;  // why it was not run
   std::vector<SolverRun> timed, converged;
   SolverRun calls;  // of local problems
+  SolverRun covariances;  // native, automatic linear solver
 };
 
 struct SolverBenchProblemResult {
@@ -70,8 +71,8 @@ struct SolverScore {
 SolverScore ScoreOf(const SolverResult& result, double best_cost);
 double BestCost(const SolverBenchProblemResult& problem);
 
-// Problems; one table for each problem; calls; last a summary with the ratios of the best of Ceres
-// to the best of the native solver.
+// Problems; one table for each problem; calls; covariances; last a summary with the ratios of the
+// best of Ceres to the best of the native solver.
 std::vector<Table> SolverTables(const SolverBenchResult& result);
 nlohmann::json SolverBenchToJson(const SolverBenchResult& result);
 

@@ -22,6 +22,7 @@
 #include "holba/base/error.h"
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
+#include "holba/solver/covariance.h"
 
 namespace holba {
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoggedIteration, seconds, cost, accepted)
@@ -174,6 +175,24 @@ bool ReadAll(int file, double max_seconds, std::vector<uint8_t>* bytes) {
   }
 }
 
+void RunCovariances(const SolverProblem& problem, const SolverOptions& solver, SolverRun* run) {
+  BundleOptions bundle_options = problem.bundle;
+  bundle_options.gauge = Gauge::kTwoCams;
+  BundleProblem bundle = BuildProblem(problem.start, bundle_options);
+  SolverWorkspace workspace;
+  const SolverSummary summary = Solve(solver, &bundle.problem, &workspace);
+  run->build_seconds = summary.MedianIterationSeconds();
+  run->used_solver = summary.linear_solver;
+  constexpr int kRepetitions = 5;
+  for (int i = 0; i < kRepetitions; ++i) {
+    const Timer timer;
+    const auto covariance =
+        Covariance::Compute(bundle.problem, solver.num_threads, &workspace);
+    if (!covariance) return;  // nothing fixes some block
+    run->seconds.push_back(timer.Seconds());
+  }
+}
+
 }  // namespace
 
 std::vector<Competitor> Competitors(std::span<const int> num_threads,
@@ -245,6 +264,12 @@ SolverRun RunSolver(const SolverProblem& problem, const Competitor& competitor,
   if (options.mode == RunMode::kCalls) {
     SetBlasThreadsFor(competitor);
     RunCalls(problem, competitor, solver, options.calls, options.max_seconds, &run);
+    return run;
+  }
+  if (options.mode == RunMode::kCovariances) {
+    solver.linear_solver = LinearSolver::kAuto;
+    solver.max_num_iterations = options.iterations;
+    RunCovariances(problem, solver, &run);
     return run;
   }
   const Timer build_timer;
