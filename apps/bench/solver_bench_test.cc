@@ -82,9 +82,16 @@ TEST(SolverBench, ShowsFailuresAndWhatWasSkipped) {
   EXPECT_THAT(text, HasSubstr("skipped: dense over 6000 unknowns"));
 }
 
-TEST(SolverBench, TablesHoldFloorsRatiosAndCalls) {
-  const std::vector<Table> tables = SolverTables(MadeUpResult());
-  ASSERT_THAT(tables, SizeIs(4));
+TEST(SolverBench, TablesHoldFloorsRatiosCallsAndCovariances) {
+  SolverBenchResult result = MadeUpResult();
+  result.problems[0].results[0].covariances.seconds = {5e-3, 3e-3, 4e-3};
+  result.problems[0].results[0].covariances.build_seconds = 2e-3;  // of an iteration
+  // The native solver reaches the least cost; its problem was built in half a second.
+  for (SolverRun& run : result.problems[0].results[2].converged) run.final_cost = 10.0;
+  for (SolverRun& run : result.problems[0].results[2].timed) run.final_cost = 10.0;
+  ASSERT_EQ(BestCost(result.problems[0]), 10.0);
+  const std::vector<Table> tables = SolverTables(result);
+  ASSERT_THAT(tables, SizeIs(5));
   // 1e8 operations at 50 and 100 GFLOP/s.
   EXPECT_EQ(tables[0].rows[0][8], "2.00");
   EXPECT_EQ(tables[0].rows[0][9], "1.00");
@@ -95,10 +102,13 @@ TEST(SolverBench, TablesHoldFloorsRatiosAndCalls) {
   EXPECT_EQ(tables[1].rows[1][2], "6.0") << "two threads have the floor of two";
   EXPECT_EQ(tables[1].rows[2][2], "-") << "an inexact step has no floor";
   EXPECT_THAT(tables[2].Markdown(), HasSubstr("30.0 (4.00 iterations)"));
-  const auto& summary = tables[3].rows[0];
-  EXPECT_EQ(summary[1], "2.00 (native 1t)");
-  EXPECT_EQ(summary[2], "6.00 (ceres_sparse 2t)");
-  EXPECT_EQ(summary[3], "3.0");
+  EXPECT_EQ(tables[3].rows[0][1], "4.00 (2.0)");
+  const auto& summary = tables[4].rows[0];
+  EXPECT_EQ(summary[2], "2.00");
+  EXPECT_EQ(summary[3], "6.00");
+  EXPECT_EQ(summary[4], "3.0");
+  EXPECT_EQ(summary[6], "1.00");
+  EXPECT_EQ(summary[8], "1210 (native 1t)") << "0.71 s and what builds the problem";
 }
 
 TEST(SolverBench, JsonHoldsEveryRun) {
