@@ -41,7 +41,7 @@ void SolverOptions::Describe(OptionTable* table) {
                  {"border", PreconditionerType::kBorder},
                  {"power_series", PreconditionerType::kPowerSeries}},
                 "Of the native iterative solver; border: groups and shared intrinsics exactly, "
-                "beside the poses' blocks; auto: border where there are any.");
+                "beside the poses' blocks; auto: border where these are few.");
   table->Field("eta", &eta, Between(1e-12, 1.0),
                "How inexact a step of the iterative solver may be (forcing term).");
   table->Choice("ceres_dense_library", &ceres_dense_library,

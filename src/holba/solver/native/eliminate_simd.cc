@@ -175,7 +175,7 @@ void SubtractRow(const ChunkFeatures& chunk, const Sums& sums, const uint32_t* n
   const uint32_t a = nodes[p];
   const int width = sums.width[a];
   const double* Tp = chunk.W + w_offset[p];
-  for (uint32_t q = 0; q <= p; ++q) {
+  for (uint32_t q = sums.diagonal_only ? p : 0; q <= p; ++q) {
     const uint32_t b = nodes[q];
     if (offsets != nullptr && offsets[q] == kNoBlock) continue;
     double* block = sums.S + (offsets == nullptr ? RowBlockOffset(sums, a, b)
@@ -348,6 +348,7 @@ void EliminatePlainOf(const double* rows, const ChunkFeatures& chunk, const Sums
         AddDiagonalBlock<kTangent, kDim, kWidth, false>(sums.U + diagonal, sums.S + diagonal,
                                                         run_E + p * kESize, size * kESize, Tp, run);
       }
+      if (sums.diagonal_only) continue;
       if (chunk.pairs_begin == nullptr) {
         for (uint32_t q = 0; q < p; ++q) {
           SubtractSquare<kTangent, kWidth>(sums.S + RowBlockOffset(sums, nodes[p], nodes[q]), Tp,

@@ -97,6 +97,7 @@ struct Sums {
   // Full pattern: block (a, b) at row_offset[a] + the sizes of the blocks (a, 0) ... (a, b - 1).
   const size_t* row_offset = nullptr;
   const uint32_t* unknown_offset = nullptr;
+  bool diagonal_only = false;  // elimination subtracts from diagonal blocks of S only
 };
 inline constexpr uint32_t kNoBlock = ~uint32_t{0};
 

@@ -32,6 +32,9 @@ constexpr double kMinGainRatio = 1e-3;
 constexpr double kMinRadius = 1e-32;
 constexpr double kMaxRadius = 1e16;
 constexpr int kPowerSeriesOrder = 3;
+// Shared intrinsics, which all images see, are worth treating exactly; a hundred planes cost more
+// than the products that this saves.
+constexpr size_t kMaxBorderUnknowns = 32;
 
 // How the reduced system is solved, and with what.
 class StepSolver {
@@ -87,17 +90,25 @@ class EliminatedPart final : public LinearOperator {
   NormalEquations& equations_;
 };
 
+// What auto stands for.
+PreconditionerType ChoosePreconditioner(PreconditionerType wanted,
+                                        const native::Structure& structure) {
+  if (wanted != PreconditionerType::kAuto) return wanted;
+  size_t border_unknowns = 0;
+  for (size_t n = structure.num_pose_nodes; n < structure.num_nodes(); ++n)
+    border_unknowns += structure.node_width[n];
+  return border_unknowns > 0 && border_unknowns <= kMaxBorderUnknowns
+             ? PreconditionerType::kBorder
+             : PreconditionerType::kBlockJacobi;
+}
+
 class IterativeStep final : public StepSolver {
  public:
-  IterativeStep(const SolverOptions& options, NormalEquations* equations, int num_threads)
+  IterativeStep(const SolverOptions& options, PreconditionerType type, NormalEquations* equations,
+                int num_threads)
       : schur_(equations, num_threads), eliminated_(equations) {
     const BlockPattern& pattern = equations->pattern();
     const int num_poses = static_cast<int>(equations->structure().num_pose_nodes);
-    PreconditionerType type = options.preconditioner;
-    if (type == PreconditionerType::kAuto) {
-      type = num_poses < pattern.num_nodes() ? PreconditionerType::kBorder
-                                             : PreconditionerType::kBlockJacobi;
-    }
     switch (type) {
       case PreconditionerType::kAuto:
       case PreconditionerType::kBlockJacobi:
@@ -218,12 +229,15 @@ void NativeWorkspace::Data::Begin(const SolverOptions& options, int num_threads,
     choice.kind = chosen;
   }
   const bool iterative = choice.kind == LinearSolver::kIterative;
-  equations.SetForm(iterative ? SchurForm::kImplicit : SchurForm::kExplicit);
+  if (iterative) choice.preconditioner = ChoosePreconditioner(options.preconditioner, equations.structure());
+  equations.SetForm(!iterative ? SchurForm::kExplicit
+                    : choice.preconditioner == PreconditionerType::kBorder
+                        ? SchurForm::kImplicitWithBorder
+                        : SchurForm::kImplicit);
   const BlockPattern& pattern = equations.pattern();
   choice.num_threads = num_threads;
   choice.pattern_version = equations.pattern_version();
   if (iterative) {
-    choice.preconditioner = options.preconditioner;
     choice.eta = options.eta;
     choice.max_linear_solver_iterations = options.max_linear_solver_iterations;
   } else {
@@ -238,7 +252,7 @@ void NativeWorkspace::Data::Begin(const SolverOptions& options, int num_threads,
   made_for = choice;
   const Precision precision = choice.mixed ? Precision::kMixed : Precision::kDouble;
   if (iterative) {
-    solver = std::make_unique<IterativeStep>(options, &equations, num_threads);
+    solver = std::make_unique<IterativeStep>(options, choice.preconditioner, &equations, num_threads);
   } else if (choice.kind == LinearSolver::kDense) {
     solver = std::make_unique<DirectStep>(MakeDenseSolver(pattern, precision, num_threads));
   } else {

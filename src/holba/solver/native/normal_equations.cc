@@ -32,6 +32,7 @@ Sums NormalEquations::SumsOf(SliceData* slice) const {
   sums.diagonal_offset = slice->diagonal_offset.data();
   sums.row_offset = row_offset_.data();
   sums.unknown_offset = unknown_offset_.data();
+  sums.diagonal_only = form_ == SchurForm::kImplicit;
   return sums;
 }
 
@@ -122,7 +123,7 @@ void NormalEquations::LineariseSlice(
       if (!(figures.max_gradient <= slice->max_gradient))
         slice->max_gradient = figures.max_gradient;
       float* const stored =
-          form_ == SchurForm::kImplicit ? stored_.data() + stored_begin_[c] : nullptr;
+          IsImplicit() ? stored_.data() + stored_begin_[c] : nullptr;
       if (visit != nullptr) {
         HOLBA_SIMD_CHOOSE_IN(::holba::native, FormT)(features, sums);
         (*visit)(chunk, features, sums);
@@ -139,7 +140,7 @@ void NormalEquations::LineariseSlice(
 
 // Slices' blocks into S (and U), in the order of the slices.
 void NormalEquations::MergeBlocks() {
-  const bool implicit = form_ == SchurForm::kImplicit;
+  const bool implicit = IsImplicit();
   const auto add_block = HOLBA_SIMD_CHOOSE_IN(::holba::native, AddSumBlock);
   constexpr uint32_t kRows = 8;
   const uint32_t n = static_cast<uint32_t>(structure_.num_nodes());
@@ -214,7 +215,7 @@ void NormalEquations::Linearise(double radius, Linearisation* out) {
       damping_[at + i] =
           structure_.held_column[at + i] ? 1.0 : std::max(d, 1e-6 * root * root) / radius;
       S_.values.data()[block + i * stride + i] += damping_[at + i];
-      if (form_ == SchurForm::kImplicit)
+      if (IsImplicit())
         U_.values.data()[block + i * stride + i] += damping_[at + i];
       rhs_[pattern_.offset[n] + i] = reduction_[at + i] - gradient_[at + i];
       out->max_gradient = std::max(out->max_gradient, std::abs(gradient_[at + i]));

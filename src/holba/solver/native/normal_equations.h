@@ -20,9 +20,11 @@ namespace holba::native {
 // What the reduced system is kept as.
 enum class SchurForm {
   kExplicit,  // all its blocks
-  // U and T (single precision): products with S cost two passes over T. Of S itself, the diagonal
-  // blocks and those of border nodes, for a preconditioner.
+  // U and T (single precision): products with S cost two passes over T. Of S itself the diagonal
+  // blocks, for a preconditioner ...
   kImplicit,
+  // ... and those of border nodes.
+  kImplicitWithBorder,
 };
 
 // Cost of all residuals at one state, by batch.
@@ -63,7 +65,8 @@ class NormalEquations {
   // Linearises at problem.state() and eliminates the features, damped by 1 / radius; an infinite
   // radius: not at all.
   void Linearise(double radius, Linearisation* out);
-  // S, damped (explicit), or its diagonal and border blocks (implicit).
+  // S, damped (explicit), or its diagonal (and border) blocks (implicit): blocks of its pattern that
+  // the form leaves out are U's.
   const BlockMatrix& matrix() const { return S_; }
   const BlockPattern& pattern() const { return pattern_; }
   // Differs between any two patterns of these equations that differ.
@@ -89,6 +92,8 @@ class NormalEquations {
   const Structure& structure() const { return structure_; }
 
  private:
+  bool IsImplicit() const { return form_ != SchurForm::kExplicit; }
+
   struct Scratch;
   struct SliceData;
   struct Evaluated;

@@ -133,7 +133,7 @@ void NormalEquations::SetForm(SchurForm form) {
   }
   formed_ = true;
   S_ = BlockMatrix(&pattern_);
-  U_ = form == SchurForm::kImplicit ? BlockMatrix(&pattern_) : BlockMatrix();
+  U_ = IsImplicit() ? BlockMatrix(&pattern_) : BlockMatrix();
 
   const size_t n = structure_.num_nodes();
   row_offset_.resize(n + 1);
@@ -154,7 +154,7 @@ void NormalEquations::SetForm(SchurForm form) {
   for (size_t i = 0; i < num_slices_; ++i) MakeOffsets(slices_[i].get());
 
   factors_.resize(structure_.factors_size + kPanelLanes);
-  if (form == SchurForm::kImplicit) {
+  if (IsImplicit()) {
     stored_begin_.resize(structure_.chunks.size() + 1);
     stored_begin_[0] = 0;
     for (size_t c = 0; c < structure_.chunks.size(); ++c)
@@ -211,7 +211,7 @@ void NormalEquations::MakeOffsets(SliceData* slice) {
   slice->diagonal.resize(padded);
   slice->reduction.resize(padded);
   const bool own_blocks = !pattern_.full;
-  const bool implicit = form_ == SchurForm::kImplicit;
+  const bool implicit = IsImplicit();
 
   // Pairs of the cliques, as blocks of the whole pattern.
   slice->pairs_begin.clear();

@@ -243,7 +243,8 @@ TEST_P(NormalEquationsOf, AreThoseOfTheDenseSystem) {
   for (SimdTarget target : SupportedTargets()) {
     SCOPED_TRACE(std::string(NameOf(target)));
     SetSimdTarget(target);
-    for (SchurForm form : {SchurForm::kExplicit, SchurForm::kImplicit}) {
+    for (SchurForm form :
+         {SchurForm::kExplicit, SchurForm::kImplicit, SchurForm::kImplicitWithBorder}) {
       NormalEquations equations;
       equations.Begin(problem, 2);
       equations.SetForm(form);
@@ -266,21 +267,30 @@ TEST_P(NormalEquationsOf, AreThoseOfTheDenseSystem) {
       const double tolerance =
           form == SchurForm::kExplicit ? 1e-10 : 2e-5;  // T is single precision
       const Eigen::MatrixXd U =
-          form == SchurForm::kImplicit ? equations.U().ToDense() : Eigen::MatrixXd();
+          form != SchurForm::kExplicit ? equations.U().ToDense() : Eigen::MatrixXd();
       const Eigen::MatrixXd matrix = equations.matrix().ToDense();
       std::vector<double> unit(n), column(n);
+      std::vector<int> node_of(n);
+      for (int node = 0; node < equations.pattern().num_nodes(); ++node) {
+        for (size_t i = equations.pattern().offset[node]; i < equations.pattern().offset[node + 1];
+             ++i)
+          node_of[i] = node;
+      }
       for (size_t j = 0; j < n; ++j) {
         unit.assign(n, 0.0);
         unit[j] = 1.0;
-        if (form == SchurForm::kImplicit) equations.MultiplyEliminated(unit.data(), column.data());
+        if (form != SchurForm::kExplicit) equations.MultiplyEliminated(unit.data(), column.data());
         for (size_t i = 0; i < n; ++i) {
           const double found = form == SchurForm::kExplicit ? matrix(i, j) : U(i, j) - column[i];
           const double expected = places[i] < 0 || places[j] < 0
                                       ? (i == j ? 1.0 : 0.0)
                                       : S(kept_idx[places[i]], kept_idx[places[j]]);
           ASSERT_NEAR(found, expected, tolerance * (1.0 + std::abs(expected))) << i << " " << j;
-          // The preconditioner's blocks are those of S.
-          if (form == SchurForm::kImplicit && matrix(i, j) != 0.0 && places[i] >= 0 &&
+          // The preconditioner's blocks are those of S: the diagonal ones, and the border's.
+          const bool is_preconditioned =
+              form == SchurForm::kImplicitWithBorder ? matrix(i, j) != 0.0
+                                                     : node_of[i] == node_of[j];
+          if (form != SchurForm::kExplicit && is_preconditioned && places[i] >= 0 &&
               places[j] >= 0) {
             ASSERT_NEAR(matrix(i, j), expected, 1e-10 * (1.0 + std::abs(expected)));
           }
