@@ -30,12 +30,37 @@ HOLBA_SIMD_INLINE void AddOuterOf(double* block, const double* a, int width_a, c
     }
   }
 }
+// The same for blocks of at most 8 rows and kColumns columns.
+template <int kDim, int kColumns>
+HOLBA_SIMD_INLINE void AddNarrowOuterOf(double* block, const double* a, const double* b,
+                                        int row_stride) {
+  for (int v = 0; v < 8; v += kLanes) {
+    Pack e[kDim];
+    for (int k = 0; k < kDim; ++k) e[k] = Load(a + k * row_stride + v);
+    for (int c = 0; c < kColumns; ++c) {
+      Pack sum = Load(block + c * 8 + v);
+      for (int k = 0; k < kDim; ++k) sum += e[k] * b[k * row_stride + c];
+      Store(sum, block + c * 8 + v);
+    }
+  }
+}
+template <int kDim>
+HOLBA_SIMD_INLINE void AddOuterOfDim(double* block, const double* a, int width_a, const double* b,
+                                     int width_b, int row_stride) {
+  if (width_a <= 8) {
+    // A pose, a plane, a vanishing point.
+    if (width_b == 6) return AddNarrowOuterOf<kDim, 6>(block, a, b, row_stride);
+    if (width_b == 3) return AddNarrowOuterOf<kDim, 3>(block, a, b, row_stride);
+    if (width_b == 2) return AddNarrowOuterOf<kDim, 2>(block, a, b, row_stride);
+  }
+  AddOuterOf<kDim>(block, a, width_a, b, width_b, row_stride);
+}
 HOLBA_SIMD_INLINE void AddOuter(double* block, const double* a, int width_a, const double* b,
                                 int width_b, int dim, int row_stride) {
-  if (dim == 2) return AddOuterOf<2>(block, a, width_a, b, width_b, row_stride);
-  if (dim == 4) return AddOuterOf<4>(block, a, width_a, b, width_b, row_stride);
+  if (dim == 2) return AddOuterOfDim<2>(block, a, width_a, b, width_b, row_stride);
+  if (dim == 4) return AddOuterOfDim<4>(block, a, width_a, b, width_b, row_stride);
   for (int k = 0; k < dim; ++k)
-    AddOuterOf<1>(block, a + k * row_stride, width_a, b + k * row_stride, width_b, row_stride);
+    AddOuterOfDim<1>(block, a + k * row_stride, width_a, b + k * row_stride, width_b, row_stride);
 }
 
 // g += E^T r, diagonal of U, and the diagonal block of U, of one segment of one residual.
