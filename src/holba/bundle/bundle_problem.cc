@@ -159,8 +159,13 @@ class Builder {
     });
   }
 
+  BlockId PointBlock(point3D_t id) const {
+    return out_.points[model_.points3D.IndexOf(id)].second;
+  }
+
   void AddPoints() {
-    points_.reserve(model_.points3D.size());
+    problem_.Reserve(problem_.num_blocks() + model_.points3D.size(),
+                     problem_.state().size() + 3 * model_.points3D.size());
     out_.points.reserve(model_.points3D.size());
     size_t num_observations = 0;
     for (const auto& [id, point] : model_.points3D) num_observations += point.track.size();
@@ -171,7 +176,6 @@ class Builder {
       const BlockId block = problem_.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature,
                                               {point.xyz.data(), 3});
       problem_.block(block).constant = options_.fix_points || !SeenInTwoImages(point.track);
-      points_[id] = block;
       out_.points.emplace_back(id, block);
       for (const PointObservation& observation : point.track) {
         ImageBlocks& image = images_.at(observation.image_id);
@@ -266,7 +270,7 @@ class Builder {
                                                   {-1, type.code, 0},
                                                   [&] { return GroupPoint3dResidual{&type}; });
       Use3dWeight(options_.group_3d_weight, &batch);
-      batch.Add(std::array{points_.at(point_id), group}, {});
+      batch.Add(std::array{PointBlock(point_id), group}, {});
       return;
     }
     for (const PointObservation& observation : model_.points3D.at(point_id).track) {
@@ -276,7 +280,7 @@ class Builder {
           {image.model->id, type.code, 0}, [&] {
             return GroupPointResidual{image.model, &type};
           });
-      batch.Add(std::array{points_.at(point_id), image.pose, image.camera, group}, {image.sensor});
+      batch.Add(std::array{PointBlock(point_id), image.pose, image.camera, group}, {image.sensor});
     }
   }
 
@@ -354,7 +358,7 @@ class Builder {
   void AddWireframe() {
     for (const WireframeEdge& edge : model_.wireframe) {
       if (filter_.edges.contains({edge.point3D_id, edge.line3D_id})) continue;
-      const BlockId point = points_.at(edge.point3D_id), line = lines_.at(edge.line3D_id);
+      const BlockId point = PointBlock(edge.point3D_id), line = lines_.at(edge.line3D_id);
       if (options_.wireframe_form == StructureForm::k3d) {
         auto& batch = BatchOf<Wireframe3dResidual>("wireframe_3d", {3, 4}, {-1, -1, 0},
                                                    [] { return Wireframe3dResidual{}; });
@@ -396,7 +400,7 @@ class Builder {
 
   void FixGauge() {
     if (options_.gauge == Gauge::kFree || options_.fix_poses || out_.poses.empty()) return;
-    if (options_.fix_points && !points_.empty()) return;  // held points fix it
+    if (options_.fix_points && !out_.points.empty()) return;  // held points fix it
     problem_.block(out_.poses[0].second).constant = true;
     const auto has_baseline = [](const auto& sensor) { return sensor->translation.norm() > 0.0; };
     if (std::any_of(out_.sensor_poses.begin(), out_.sensor_poses.end(), has_baseline)) return;
@@ -424,7 +428,6 @@ class Builder {
   BundleProblem& out_;
   Problem& problem_;
   std::unordered_map<image_t, ImageBlocks> images_;
-  std::unordered_map<point3D_t, BlockId> points_;
   std::unordered_map<line3D_t, BlockId> lines_;
   std::unordered_map<group3D_t, BlockId> groups_;
   std::map<BatchKey, std::unique_ptr<ResidualBatch>> batches_;

@@ -25,6 +25,12 @@ BlockId Problem::AddBlock(std::string_view kind, const ManifoldOps& manifold, Bl
   return static_cast<BlockId>(blocks_.size() - 1);
 }
 
+void Problem::Reserve(size_t num_blocks, size_t num_values) {
+  blocks_.reserve(num_blocks);
+  offsets_.reserve(num_blocks);
+  state_.reserve(num_values);
+}
+
 void Problem::AddBatch(std::unique_ptr<ResidualBatch> batch) {
   if (batch->size() == 0) return;
   HOLBA_CHECK(batch->num_slots() <= kMaxSlots && batch->dim() <= kMaxResidualDim);

@@ -38,6 +38,9 @@ class Problem {
   // or whose slots do not fit the blocks.
   void AddBatch(std::unique_ptr<ResidualBatch> batch);
 
+  // Memory for so many blocks and values.
+  void Reserve(size_t num_blocks, size_t num_values);
+
   size_t num_blocks() const { return blocks_.size(); }
   ParameterBlock& block(BlockId id) { return blocks_[id]; }
   const ParameterBlock& block(BlockId id) const { return blocks_[id]; }
