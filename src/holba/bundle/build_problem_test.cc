@@ -65,6 +65,30 @@ constexpr size_t kWireframePointResiduals = 1 + 1 + 2;
 // Observations of the point in images without a segment of the line: {3}, {3 4 1}, {2}.
 constexpr size_t kWireframeLineResiduals = 1 + 3 + 1;
 
+TEST(BuildProblem, TakesRecordsInAnyOrderOfTheirIds) {
+  const SmallScene scene;
+  Reconstruction turned = scene.model();
+  const auto turn = [](auto* records) {
+    auto reversed = *records;
+    reversed.RemoveIf([](auto, const auto&) { return true; });
+    for (auto it = records->end(); it != records->begin();) {
+      --it;
+      reversed.Add(it->first, it->second);
+    }
+    *records = reversed;
+  };
+  turn(&turned.points3D);
+  turn(&turned.lines3D);
+  turn(&turned.groups3D);
+  turn(&turned.images);
+  ASSERT_GT(turned.points3D.begin()->first, std::next(turned.points3D.begin())->first);
+  const auto terms = TermsByName(EvaluateModel(turned));
+  for (const auto& [name, term] : TermsByName(EvaluateModel(scene.model()))) {
+    EXPECT_EQ(terms.at(name).residuals, term.residuals) << name;
+    EXPECT_NEAR(terms.at(name).sum_squares, term.sum_squares, 1e-12 * term.sum_squares) << name;
+  }
+}
+
 TEST(BuildProblem, HasTheResidualsThatTheFormatCounts) {
   const SmallScene scene;
   const auto terms = TermsByName(EvaluateModel(scene.model()));
