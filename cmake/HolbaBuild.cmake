@@ -59,7 +59,7 @@ function(holba_simd_sources out)
       set(wrapper ${CMAKE_CURRENT_BINARY_DIR}/${stem}_${target}.cc)
       file(CONFIGURE OUTPUT ${wrapper} CONTENT "#include \"${source}\"\n")
       set_source_files_properties(${wrapper} PROPERTIES COMPILE_OPTIONS
-        "-DHOLBA_SIMD_TARGET=${target};${holba_simd_flags_${target}};-O3;-ffp-contract=fast;-fno-trapping-math;-Wno-psabi;-Wno-maybe-uninitialized")
+        "-DHOLBA_SIMD_TARGET=${target};${holba_simd_flags_${target}};-O3;-ffp-contract=fast;-fno-trapping-math;-Wno-psabi;-Wno-maybe-uninitialized;$<$<CXX_COMPILER_ID:GNU>:-fno-var-tracking>")
       list(APPEND made ${wrapper})
     endforeach()
   endforeach()
