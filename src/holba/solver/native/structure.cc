@@ -19,6 +19,9 @@ namespace {
 constexpr size_t kChunkResiduals = 128;
 constexpr size_t kMaxChunkFeatures = 1024;  // vp residuals: one a feature
 constexpr int kMaxNodeWidth = 24;
+// What a build may leave for the next one: enough for local adjustments. Larger problems need the
+// memory for other things.
+constexpr size_t kKeptScratchBytes = size_t{1} << 19;
 // Of the keys that features are sorted by.
 constexpr int kTangentBits = 3, kNodeBits = 64 - kTangentBits;
 
@@ -53,12 +56,21 @@ void Structure::Build(const Problem& problem) {
   OrderFeatures(problem);
   MakeChunks(problem);
   FindHeld(problem);
+  if (scratch_.Bytes() > kKeptScratchBytes) scratch_ = {};
+}
+
+size_t Structure::Scratch::Bytes() const {
+  const auto bytes = [](const auto&... vectors) {
+    return ((vectors.capacity() * sizeof(vectors[0])) + ...);
+  };
+  return bytes(kind_of_block, touched, feature_of_block, list_begin, list_size, lists, rank,
+               part_start, still, keys, other_keys);
 }
 
 void Structure::FindNodes(const Problem& problem) {
   const size_t num_blocks = problem.num_blocks();
   std::vector<Kind> kinds;
-  kind_of_block_.resize(num_blocks);
+  scratch_.kind_of_block.resize(num_blocks);
   for (BlockId id = 0; id < num_blocks; ++id) {
     const ParameterBlock& block = problem.block(id);
     size_t k = 0;
@@ -70,7 +82,7 @@ void Structure::FindNodes(const Problem& problem) {
       kinds.push_back(
           {block.kind, block.manifold->tangent, 0, block.kind == "pose", block.kind == "camera"});
     }
-    kind_of_block_[id] = static_cast<uint8_t>(k);
+    scratch_.kind_of_block[id] = static_cast<uint8_t>(k);
     if (block.role == BlockRole::kKept) kinds[k].free |= FreeMask(block);
   }
 
@@ -86,7 +98,7 @@ void Structure::FindNodes(const Problem& problem) {
     const auto look_at_slots = [&](const BlockId* ids, int* pose_slot, int* camera_slot) {
       *pose_slot = *camera_slot = -1;
       for (int s = 0; s < slots; ++s) {
-        kind_of_slot[s] = kind_of_block_[ids[s]];
+        kind_of_slot[s] = scratch_.kind_of_block[ids[s]];
         if (kinds[kind_of_slot[s]].is_pose) *pose_slot = s;
         if (kinds[kind_of_slot[s]].is_camera) *camera_slot = s;
       }
@@ -98,12 +110,12 @@ void Structure::FindNodes(const Problem& problem) {
       bool as_before = true;
       for (int s = 0; s < slots; ++s) {
         used[ids[s]] = 1;
-        as_before &= kind_of_block_[ids[s]] == kind_of_slot[s];
+        as_before &= scratch_.kind_of_block[ids[s]] == kind_of_slot[s];
       }
       if (!as_before) {
         look_at_slots(ids, &pose_slot, &camera_slot);
         for (int s = 0; s < slots; ++s) {
-          const uint8_t k = kind_of_slot[s], first = kind_of_block_[blocks[s]];
+          const uint8_t k = kind_of_slot[s], first = scratch_.kind_of_block[blocks[s]];
           if (k != first) meetings.insert({std::min(k, first), std::max(k, first)});
         }
       }
@@ -126,7 +138,7 @@ void Structure::FindNodes(const Problem& problem) {
   bool any_camera = false, all_alone = true;
   for (BlockId id = 0; id < num_blocks; ++id) {
     const ParameterBlock& block = problem.block(id);
-    const Kind& kind = kinds[kind_of_block_[id]];
+    const Kind& kind = kinds[scratch_.kind_of_block[id]];
     if (!kind.is_camera || block.role != BlockRole::kKept || block.FreeTangent() == 0) continue;
     if (pose_of[id] == kNone) continue;  // no residual sees it
     any_camera = true;
@@ -146,7 +158,7 @@ void Structure::FindNodes(const Problem& problem) {
     node_width.push_back(0);
   };
   const auto add_block = [&](BlockId id) {
-    const Kind& kind = kinds[kind_of_block_[id]];
+    const Kind& kind = kinds[scratch_.kind_of_block[id]];
     const Columns columns = ColumnsOf(kind.free, kind.tangent);
     block_columns[id] = columns;
     kept[id] = {static_cast<uint32_t>(node_width.size() - 1), node_width.back()};
@@ -158,12 +170,12 @@ void Structure::FindNodes(const Problem& problem) {
            problem.block(id).FreeTangent() > 0;
   };
   for (BlockId id = 0; id < num_blocks; ++id) {
-    if (!kinds[kind_of_block_[id]].is_pose || problem.block(id).role != BlockRole::kKept) continue;
+    if (!kinds[scratch_.kind_of_block[id]].is_pose || problem.block(id).role != BlockRole::kKept) continue;
     const BlockId camera =
         merged_ && camera_of[id] < kSeveral && moves(camera_of[id]) ? camera_of[id] : kNone;
     if (!moves(id) && camera == kNone) continue;
     begin_node();
-    if (kinds[kind_of_block_[id]].free != 0) add_block(id);
+    if (kinds[scratch_.kind_of_block[id]].free != 0) add_block(id);
     if (camera != kNone) add_block(camera);
   }
   num_pose_nodes = static_cast<uint32_t>(node_width.size());
@@ -284,65 +296,65 @@ void Structure::FindParts(const Problem& problem) {
 
 void Structure::OrderFeatures(const Problem& problem) {
   const size_t num_blocks = problem.num_blocks();
-  feature_of_block_.assign(num_blocks, kNone);
+  scratch_.feature_of_block.assign(num_blocks, kNone);
   features.clear();
-  std::vector<uint8_t>& tangent_of = kind_of_block_;  // of features; no longer needed as kinds
+  std::vector<uint8_t>& tangent_of = scratch_.kind_of_block;  // of features; no longer needed as kinds
   // Upper bounds of the lists' lengths.
-  list_size_.clear();
+  scratch_.list_size.clear();
   for (const Part& part : parts) {
     if (part.feature_slot < 0) continue;
     for (uint32_t i : part.residuals) {
       const BlockId id = part.batch->block(i, part.feature_slot);
-      if (feature_of_block_[id] == kNone) {
-        feature_of_block_[id] = static_cast<uint32_t>(features.size());
+      if (scratch_.feature_of_block[id] == kNone) {
+        scratch_.feature_of_block[id] = static_cast<uint32_t>(features.size());
         features.push_back(id);
-        list_size_.push_back(0);
+        scratch_.list_size.push_back(0);
         tangent_of[id] = static_cast<uint8_t>(part.feature_tangent);
       }
-      list_size_[feature_of_block_[id]] += part.num_segments;
+      scratch_.list_size[scratch_.feature_of_block[id]] += part.num_segments;
     }
   }
   const size_t n = features.size();
-  list_begin_.resize(n + 1);
-  list_begin_[0] = 0;
+  scratch_.list_begin.resize(n + 1);
+  scratch_.list_begin[0] = 0;
   for (size_t f = 0; f < n; ++f) {
-    list_begin_[f + 1] = list_begin_[f] + list_size_[f];
-    list_size_[f] = 0;
+    scratch_.list_begin[f + 1] = scratch_.list_begin[f] + scratch_.list_size[f];
+    scratch_.list_size[f] = 0;
   }
-  lists_.resize(list_begin_[n]);
+  scratch_.lists.resize(scratch_.list_begin[n]);
   for (const Part& part : parts) {
     if (part.feature_slot < 0) continue;
     for (uint32_t i : part.residuals) {
-      const uint32_t f = feature_of_block_[part.batch->block(i, part.feature_slot)];
+      const uint32_t f = scratch_.feature_of_block[part.batch->block(i, part.feature_slot)];
       for (int s = 0; s < part.num_segments; ++s) {
         const uint32_t node = NodeOf(part, part.segments[s], i);
         if (node == kNone) continue;
         // Most residuals of a feature come in the order of their nodes.
-        uint32_t* list = &lists_[list_begin_[f]];
-        if (list_size_[f] > 0 && list[list_size_[f] - 1] == node) continue;
-        list[list_size_[f]++] = node;
+        uint32_t* list = &scratch_.lists[scratch_.list_begin[f]];
+        if (scratch_.list_size[f] > 0 && list[scratch_.list_size[f] - 1] == node) continue;
+        list[scratch_.list_size[f]++] = node;
       }
     }
   }
-  keys_.resize(n);
+  scratch_.keys.resize(n);
   // Keys: tangent, then as many of the first nodes as fit: features with the same cameras come
   // together.
   const int bits = std::max(1, static_cast<int>(std::bit_width(num_nodes() + 1)));
   const int places = std::max(1, kNodeBits / bits);
   for (size_t f = 0; f < n; ++f) {
-    uint32_t* list = &lists_[list_begin_[f]];
-    uint32_t* end = list + list_size_[f];
+    uint32_t* list = &scratch_.lists[scratch_.list_begin[f]];
+    uint32_t* end = list + scratch_.list_size[f];
     if (std::adjacent_find(list, end, std::greater_equal<uint32_t>()) != end) {
       std::sort(list, end);
       end = std::unique(list, end);
-      list_size_[f] = static_cast<uint32_t>(end - list);
+      scratch_.list_size[f] = static_cast<uint32_t>(end - list);
     }
     uint64_t key = tangent_of[features[f]];
     for (int i = 0; i < places; ++i) key = key << bits | (list + i < end ? list[i] + 1 : 0);
-    keys_[f] = {key, static_cast<uint32_t>(f)};
+    scratch_.keys[f] = {key, static_cast<uint32_t>(f)};
   }
   SortKeys(bits * places + kTangentBits);
-  rank_.resize(n);
+  scratch_.rank.resize(n);
   std::vector<BlockId> ordered(n);
   feature_clique.resize(n);
   cliques.begin.assign(1, 0);
@@ -350,19 +362,19 @@ void Structure::OrderFeatures(const Problem& problem) {
   num_pairs = 0.0;
   uint32_t last = kNone;
   for (size_t r = 0; r < n; ++r) {
-    const uint32_t f = keys_[r].second;
-    rank_[f] = static_cast<uint32_t>(r);
+    const uint32_t f = scratch_.keys[r].second;
+    scratch_.rank[f] = static_cast<uint32_t>(r);
     ordered[r] = features[f];
-    const uint32_t* list = &lists_[list_begin_[f]];
-    const bool same = last != kNone && list_size_[f] == list_size_[last] &&
-                      std::equal(list, list + list_size_[f], &lists_[list_begin_[last]]);
+    const uint32_t* list = &scratch_.lists[scratch_.list_begin[f]];
+    const bool same = last != kNone && scratch_.list_size[f] == scratch_.list_size[last] &&
+                      std::equal(list, list + scratch_.list_size[f], &scratch_.lists[scratch_.list_begin[last]]);
     if (!same) {
-      cliques.nodes.insert(cliques.nodes.end(), list, list + list_size_[f]);
+      cliques.nodes.insert(cliques.nodes.end(), list, list + scratch_.list_size[f]);
       cliques.begin.push_back(static_cast<uint32_t>(cliques.nodes.size()));
     }
     last = f;
     feature_clique[r] = static_cast<uint32_t>(cliques.size() - 1);
-    num_pairs += 0.5 * list_size_[f] * (list_size_[f] + 1.0);
+    num_pairs += 0.5 * scratch_.list_size[f] * (scratch_.list_size[f] + 1.0);
   }
   HOLBA_CHECK_MSG(n == 0 || cliques.size() > 0, "features without cliques");
   features.swap(ordered);
@@ -383,23 +395,23 @@ void Structure::OrderFeatures(const Problem& problem) {
   }
 }
 
-// keys_ by key, equal ones in the order in which they stand: digit by digit from the last one.
+// scratch_.keys by key, equal ones in the order in which they stand: digit by digit from the last one.
 void Structure::SortKeys(int key_bits) {
-  if (std::is_sorted(keys_.begin(), keys_.end())) return;
+  if (std::is_sorted(scratch_.keys.begin(), scratch_.keys.end())) return;
   constexpr int kDigitBits = 11;
   constexpr uint64_t kDigits = uint64_t{1} << kDigitBits;
-  if (keys_.size() < kDigits / 4) {
-    std::sort(keys_.begin(), keys_.end());
+  if (scratch_.keys.size() < kDigits / 4) {
+    std::sort(scratch_.keys.begin(), scratch_.keys.end());
     return;
   }
-  other_keys_.resize(keys_.size());
+  scratch_.other_keys.resize(scratch_.keys.size());
   for (int shift = 0; shift < key_bits; shift += kDigitBits) {
     std::array<uint32_t, kDigits> place{};
-    for (const auto& [key, f] : keys_) ++place[key >> shift & (kDigits - 1)];
+    for (const auto& [key, f] : scratch_.keys) ++place[key >> shift & (kDigits - 1)];
     uint32_t before = 0;
     for (uint32_t& p : place) before += std::exchange(p, before);
-    for (const auto& entry : keys_) other_keys_[place[entry.first >> shift & (kDigits - 1)]++] = entry;
-    keys_.swap(other_keys_);
+    for (const auto& entry : scratch_.keys) scratch_.other_keys[place[entry.first >> shift & (kDigits - 1)]++] = entry;
+    scratch_.keys.swap(scratch_.other_keys);
   }
 }
 
@@ -426,17 +438,17 @@ void Structure::MakeChunks(const Problem& problem) {
   // Residuals of every part in the order of their features.
   size_t num_feature_parts = 0;
   for (const Part& part : parts) num_feature_parts += part.feature_slot >= 0;
-  part_start_.resize(num_feature_parts * (n + 1));
+  scratch_.part_start.resize(num_feature_parts * (n + 1));
   std::vector<uint32_t> sorted;
   size_t p = 0;
   for (Part& part : parts) {
     if (part.feature_slot < 0) continue;
-    uint32_t* start = &part_start_[p++ * (n + 1)];
+    uint32_t* start = &scratch_.part_start[p++ * (n + 1)];
     std::fill_n(start, n + 1, 0);
     bool in_order = true;
     uint32_t before = 0;
     for (uint32_t i : part.residuals) {
-      const uint32_t r = rank_[feature_of_block_[part.batch->block(i, part.feature_slot)]];
+      const uint32_t r = scratch_.rank[scratch_.feature_of_block[part.batch->block(i, part.feature_slot)]];
       ++start[r + 1];
       in_order &= r >= before;
       before = r;
@@ -445,7 +457,7 @@ void Structure::MakeChunks(const Problem& problem) {
     if (!in_order) {
       sorted.resize(part.residuals.size());
       for (uint32_t i : part.residuals) {
-        const uint32_t r = rank_[feature_of_block_[part.batch->block(i, part.feature_slot)]];
+        const uint32_t r = scratch_.rank[scratch_.feature_of_block[part.batch->block(i, part.feature_slot)]];
         sorted[start[r]++] = i;
       }
       for (size_t r = n; r > 0; --r) start[r] = start[r - 1];
@@ -494,7 +506,7 @@ void Structure::MakeChunks(const Problem& problem) {
     while (end < n && end - begin < kMaxChunkFeatures && residuals < kChunkResiduals &&
            problem.block(features[end]).manifold->tangent == chunk.feature_tangent) {
       for (size_t k = 0; k < num_feature_parts; ++k) {
-        const uint32_t* start = &part_start_[k * (n + 1)];
+        const uint32_t* start = &scratch_.part_start[k * (n + 1)];
         residuals += start[end + 1] - start[end];
       }
       const auto nodes = cliques.Nodes(feature_clique[end]);
@@ -507,15 +519,15 @@ void Structure::MakeChunks(const Problem& problem) {
     }
     chunk.feature_end = end;
     chunk.parts_begin = static_cast<uint32_t>(chunk_parts.size());
-    touched_.assign(chunk.num_positions, 0);
+    scratch_.touched.assign(chunk.num_positions, 0);
     size_t k = 0;
     for (uint32_t part_idx = 0; part_idx < parts.size(); ++part_idx) {
       Part& part = parts[part_idx];
       if (part.feature_slot < 0) continue;
-      const uint32_t* start = &part_start_[k++ * (n + 1)];
+      const uint32_t* start = &scratch_.part_start[k++ * (n + 1)];
       if (start[begin] == start[end]) continue;
       chunk_parts.push_back({part_idx, start[begin], start[end]});
-      uint8_t* touched = touched_.data();
+      uint8_t* touched = scratch_.touched.data();
       for (uint32_t f = begin; f < end; ++f) {
         const auto nodes = cliques.Nodes(feature_clique[f]);
         for (uint32_t j = start[f]; j < start[f + 1]; ++j) {
@@ -582,25 +594,25 @@ bool Structure::IsPlain(const Chunk& chunk) const {
 }
 
 void Structure::FindHeld(const Problem& problem) {
-  still_.assign(problem.num_blocks(), 0);
+  scratch_.still.assign(problem.num_blocks(), 0);
   bool any = false;
   for (BlockId id = 0; id < problem.num_blocks(); ++id) {
     const ParameterBlock& block = problem.block(id);
     if (block.role == BlockRole::kFeature) {
-      if (!block.constant) still_[id] = block.held;
+      if (!block.constant) scratch_.still[id] = block.held;
     } else if (kept[id].node != kNone) {
       const Columns& columns = block_columns[id];
-      for (int c = 0; c < columns.count; ++c) still_[id] |= uint32_t{1} << columns.tangent[c];
-      still_[id] &= ~FreeMask(block);
+      for (int c = 0; c < columns.count; ++c) scratch_.still[id] |= uint32_t{1} << columns.tangent[c];
+      scratch_.still[id] &= ~FreeMask(block);
     }
-    any |= still_[id] != 0;
+    any |= scratch_.still[id] != 0;
   }
   held_column.assign(padded_size(), 0);
   for (BlockId id : node_blocks) {
     const Columns& columns = block_columns[id];
     for (int c = 0; c < columns.count; ++c) {
       held_column[node_padded_offset[kept[id].node] + kept[id].first + c] =
-          still_[id] >> columns.tangent[c] & 1;
+          scratch_.still[id] >> columns.tangent[c] & 1;
     }
   }
   if (!any) return;
@@ -608,7 +620,7 @@ void Structure::FindHeld(const Problem& problem) {
     for (uint32_t j = 0; j < part.residuals.size(); ++j) {
       for (int s = 0; s < part.batch->num_slots(); ++s) {
         if (!part.wanted[s]) continue;
-        const uint32_t still = still_[part.batch->block(part.residuals[j], s)];
+        const uint32_t still = scratch_.still[part.batch->block(part.residuals[j], s)];
         if (still != 0) part.held.push_back({j, s, still});
       }
     }

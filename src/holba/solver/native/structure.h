@@ -139,8 +139,8 @@ struct Structure {
   size_t num_nodes() const { return node_width.size(); }
   size_t padded_size() const { return node_padded_offset.empty() ? 0 : node_padded_offset.back(); }
 
-  // From scratch; buffers keep their capacity, so that a second problem of the same size allocates
-  // next to nothing.
+  // From scratch; buffers of small problems keep their capacity, so that a second one of the same
+  // size allocates next to nothing.
   void Build(const Problem& problem);
   // Work of a chunk in some unit, for balance.
   double Work(const Chunk& chunk) const;
@@ -163,12 +163,14 @@ struct Structure {
     return kNone;
   }
 
-  // Scratch of Build.
-  std::vector<uint8_t> kind_of_block_;
   bool merged_ = false;
-  std::vector<uint32_t> feature_of_block_, list_begin_, list_size_, lists_, rank_;
-  std::vector<std::pair<uint64_t, uint32_t>> keys_, other_keys_;
-  std::vector<uint32_t> part_start_, still_;
-  std::vector<uint8_t> touched_;
+  struct Scratch {  // of Build
+    std::vector<uint8_t> kind_of_block, touched;
+    std::vector<uint32_t> feature_of_block, list_begin, list_size, lists, rank, part_start, still;
+    std::vector<std::pair<uint64_t, uint32_t>> keys, other_keys;
+
+    size_t Bytes() const;
+  };
+  Scratch scratch_;
 };
 }  // namespace holba::native
