@@ -5,13 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <set>
-#include <utility>
 
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
-#include "holba/bundle/free_gauge.h"
 
 namespace holba {
 namespace {
@@ -176,11 +173,11 @@ class Adjuster {
     AssociationFilter filter;
     if (HasAssociations()) filter = Gate();
     BundleProblem bundle = BuildProblem(model_, options_, measurements_, &filter);
-    Anneal(&bundle);
+    Anneal(&bundle.problem);
     if (stopped_) {
       SetTerms(bundle.problem, &summary_.solver.final_terms, &summary_.solver.final_cost);
     } else {
-      Solve(solver_options_, &bundle);
+      Solve(solver_options_, &bundle.problem);
     }
     WriteBack(bundle, &model_);
 
@@ -211,8 +208,8 @@ class Adjuster {
     features_only.config = BundleConfig::kPointLine;
     {
       BundleProblem bundle = BuildProblem(model_, features_only);
-      Anneal(&bundle);
-      if (!stopped_) Solve(solver_options_, &bundle);
+      Anneal(&bundle.problem);
+      if (!stopped_) Solve(solver_options_, &bundle.problem);
       WriteBack(bundle, &model_);
     }
     // Features as seen, at the cameras of the round: without the pull of what is to be tested.
@@ -223,7 +220,7 @@ class Adjuster {
     for (int round = 0; round < options_.gate_rounds && !stopped_; ++round) {
       BundleProblem features = BuildProblem(model_, features_only);
       scales_.Begin(features.problem);
-      if (round > 0) Solve(Short(), &features);
+      if (round > 0) Solve(Short(), &features.problem);
       report = TestAssociations(model_, features, options_.gate_confidence);
       if (!options_.fix_groups) {
         for (auto& [id, params] : report.group_params) model_.groups3D.at(id).params = params;
@@ -231,8 +228,8 @@ class Adjuster {
       LogReport(report);
       if (round + 1 == options_.gate_rounds) break;
       BundleProblem all = BuildProblem(model_, options_, measurements_, &report.filter);
-      Anneal(&all);
-      if (!stopped_) Solve(Short(), &all);
+      Anneal(&all.problem);
+      if (!stopped_) Solve(Short(), &all.problem);
       WriteBack(all, &model_);
     }
     summary_.associations = report.counts;
@@ -258,24 +255,18 @@ class Adjuster {
     return options;
   }
 
-  void Anneal(BundleProblem* bundle) {
-    if (!scales_.Begin(bundle->problem)) return;
+  void Anneal(Problem* problem) {
+    if (!scales_.Begin(*problem)) return;
     for (int round = 0; round < kMaxRounds && !stopped_; ++round) {
       if (log_) log_(fmt::format("Cauchy scales:{}", scales_.Text()));
-      Solve(Short(), bundle);
-      if (scales_.Tighten(bundle->problem)) break;
+      Solve(Short(), problem);
+      if (scales_.Tighten(*problem)) break;
     }
   }
 
-  void Solve(SolverOptions options, BundleProblem* bundle) {
+  void Solve(SolverOptions options, Problem* problem) {
     options.max_seconds = std::max(solver_options_.max_seconds - timer_.Seconds(), 0.0);
-    const bool analyse = std::exchange(options.analyse_reduced_system, false);
-    const std::optional<FreedGauge> freed =
-        options.backend == Backend::kNative ? FreeGauge(bundle) : std::nullopt;
-    SolverSummary solved = holba::Solve(options, &bundle->problem, &workspace_);
-    if (freed) RestoreGauge(*freed, solved.accepted_steps > 0, bundle);
-    solved.reduced_system.size = NumKeptUnknowns(bundle->problem);
-    if (analyse) solved.reduced_system = AnalyseReducedSystem(bundle->problem);
+    const SolverSummary solved = holba::Solve(options, problem, &workspace_);
     stopped_ |=
         solved.stop_reason == StopReason::kCallback || solved.stop_reason == StopReason::kMaxTime;
     Accumulate(solved, &summary_.solver);

@@ -247,7 +247,6 @@ class Builder {
       problem_.block(block).constant = options_.fix_groups;
       groups_[id] = block;
       out_.groups.emplace_back(id, block);
-      out_.group_types.push_back(group.type);
     }
   }
 
@@ -403,7 +402,6 @@ class Builder {
     if (options_.gauge == Gauge::kFree || options_.fix_poses || out_.poses.empty()) return;
     if (options_.fix_points && !out_.points.empty()) return;  // held points fix it
     problem_.block(out_.poses[0].second).constant = true;
-    out_.held_gauge = HeldGauge{out_.poses[0].second, std::nullopt};
     const auto has_baseline = [](const auto& sensor) { return sensor->translation.norm() > 0.0; };
     if (std::any_of(out_.sensor_poses.begin(), out_.sensor_poses.end(), has_baseline)) return;
     const Eigen::Vector3d origin = model_.frames.at(out_.poses[0].first).rig_from_world.OriginInA();
@@ -419,10 +417,7 @@ class Builder {
       second = block;
       move.cwiseAbs().maxCoeff(&coordinate);
     }
-    if (farthest == 0.0) return;
-    problem_.block(second).held |= uint32_t{1} << (3 + coordinate);
-    out_.held_gauge->second = second;
-    out_.held_gauge->coordinate = coordinate;
+    if (farthest > 0.0) problem_.block(second).held |= uint32_t{1} << (3 + coordinate);
   }
 
   using BatchKey = std::tuple<int, std::string_view, std::tuple<int, int, int>>;

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -17,14 +16,6 @@
 
 namespace holba {
 
-// What Gauge::kTwoCams holds: a pose and, unless sensors with a baseline hold the scale, a coordinate
-// of another one's translation.
-struct HeldGauge {
-  BlockId first;
-  std::optional<BlockId> second;
-  int coordinate = 0;
-};
-
 struct BundleProblem {
   Problem problem;
   // Which block holds what.
@@ -33,8 +24,6 @@ struct BundleProblem {
   std::vector<std::pair<point3D_t, BlockId>> points;
   std::vector<std::pair<line3D_t, BlockId>> lines;
   std::vector<std::pair<group3D_t, BlockId>> groups;
-  std::vector<const GroupType*> group_types;  // of `groups`
-  std::optional<HeldGauge> held_gauge;
   // Sensor poses that residuals point to.
   std::vector<std::unique_ptr<SensorPose>> sensor_poses;
 };
