@@ -221,7 +221,8 @@ std::optional<Table> CallsTable(const SolverBenchResult& bench) {
 
 std::optional<Table> CovariancesTable(const SolverBenchResult& bench) {
   Table table = {
-      "Covariances of all cameras, groups and features by the native solver, the gauge fixed; ms, in "
+      "Covariances of all cameras, groups and features by the native solver, the gauge fixed; ms, "
+      "in "
       "parentheses relative to one iteration:",
       {"problem"},
       {}};
@@ -242,7 +243,8 @@ std::optional<Table> CovariancesTable(const SolverBenchResult& bench) {
 
 Table SummaryTable(const SolverBenchResult& bench) {
   Table table = {
-      "The best of the native solver's forms and the best of Ceres', whatever their dense algebra and "
+      "The best of the native solver's forms and the best of Ceres', whatever their dense algebra "
+      "and "
       "threads; ms, to 0.1 % with all building; memory in MB:",
       {"problem", "images, residuals", "native", "Ceres, factorised", "ratio", "native, iterative",
        "Ceres, iterative", "ratio", "to 0.1 %: native", "Ceres", "ratio", "memory: native", "Ceres",

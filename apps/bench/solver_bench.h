@@ -32,7 +32,7 @@ struct SolverResult {
   Competitor competitor;
   std::string skipped;  // why it was not run
   std::vector<SolverRun> timed, converged;
-  SolverRun calls;  // of local problems
+  SolverRun calls;        // of local problems
   SolverRun covariances;  // native, automatic linear solver
 };
 

@@ -186,8 +186,7 @@ void RunCovariances(const SolverProblem& problem, const SolverOptions& solver, S
   constexpr int kRepetitions = 5;
   for (int i = 0; i < kRepetitions; ++i) {
     const Timer timer;
-    const auto covariance =
-        Covariance::Compute(bundle.problem, solver.num_threads, &workspace);
+    const auto covariance = Covariance::Compute(bundle.problem, solver.num_threads, &workspace);
     if (!covariance) return;  // nothing fixes some block
     run->seconds.push_back(timer.Seconds());
   }

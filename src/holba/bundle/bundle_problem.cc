@@ -159,9 +159,7 @@ class Builder {
     });
   }
 
-  BlockId PointBlock(point3D_t id) const {
-    return out_.points[model_.points3D.IndexOf(id)].second;
-  }
+  BlockId PointBlock(point3D_t id) const { return out_.points[model_.points3D.IndexOf(id)].second; }
 
   void AddPoints() {
     problem_.Reserve(problem_.num_blocks() + model_.points3D.size(),

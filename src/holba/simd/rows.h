@@ -72,8 +72,8 @@ HOLBA_SIMD_INLINE void LoadRows(const double* base, const int64_t* idx, Pack* ou
 #elif defined(__AVX2__)
   for (int k = 0; k < N; k += 4) {
     const int count = N - k < 4 ? N - k : 4;
-    const __m256i mask = _mm256_set_epi64x(count > 3 ? -1 : 0, count > 2 ? -1 : 0,
-                                           count > 1 ? -1 : 0, -1);
+    const __m256i mask =
+        _mm256_set_epi64x(count > 3 ? -1 : 0, count > 2 ? -1 : 0, count > 1 ? -1 : 0, -1);
     Pack x[4];
     for (int l = 0; l < 4; ++l) {
       x[l] = count == 4 ? Load(base + idx[l] + k) : _mm256_maskload_pd(base + idx[l] + k, mask);

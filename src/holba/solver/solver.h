@@ -90,9 +90,9 @@ struct SolverSummary {
 
 // What one solve can leave for the next, for callers that solve many problems (a mapper's local
 // adjustments) or one problem many times: buffers, and, where the next problem has the structure of
-// the last one (the same blocks, roles, held coordinates and residuals; values, measurements, losses
-// and weights may differ), its analysis. Results are the same as without it, bit for bit. Of one
-// thread at a time; the native backend's only.
+// the last one (the same blocks, roles, held coordinates and residuals; values, measurements,
+// losses and weights may differ), its analysis. Results are the same as without it, bit for bit. Of
+// one thread at a time; the native backend's only.
 class SolverWorkspace {
  public:
   SolverWorkspace();

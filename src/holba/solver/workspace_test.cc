@@ -19,7 +19,8 @@ std::atomic<size_t> allocated_bytes = 0;
 void* Allocate(size_t size, size_t alignment) {
   allocated_bytes += size;
   void* memory = nullptr;
-  if (posix_memalign(&memory, std::max(alignment, sizeof(void*)), size) != 0) throw std::bad_alloc();
+  if (posix_memalign(&memory, std::max(alignment, sizeof(void*)), size) != 0)
+    throw std::bad_alloc();
   return memory;
 }
 }  // namespace

@@ -255,8 +255,8 @@ void AccumulateOf(const Panel& panel, const double* rows, const ChunkFeatures& c
           const int p = swap ? t : s, q = swap ? s : t;
           const uint32_t later = swap ? other_position : position,
                          earlier = swap ? position : other_position;
-          double* pair = PairBlock(sums, chunk, clique, sums.U, later, earlier, nodes[later],
-                                   nodes[earlier]);
+          double* pair =
+              PairBlock(sums, chunk, clique, sums.U, later, earlier, nodes[later], nodes[earlier]);
           if (pair == nullptr) continue;
           const double* ep = swap ? other : e;
           const double* eq = swap ? e : other;

@@ -55,9 +55,23 @@ ChunkSums FactoriseOf(const ChunkFeatures& chunk, double inverse_radius) {
   return out;
 }
 
+// L^-1 and y = L^-1 g of a feature.
+template <int kTangent>
+HOLBA_SIMD_INLINE void LoadFactor(const ChunkFeatures& chunk, size_t f, double* inverse,
+                                  double* y) {
+  constexpr int kEntries = kTangent * (kTangent + 1) / 2;
+  for (int k = 0; k < kEntries; ++k) inverse[k] = chunk.factors[k * chunk.stride + f];
+  for (int a = 0; a < kTangent; ++a) {
+    y[a] = 0.0;
+    for (int b = 0; b <= a; ++b)
+      y[a] += inverse[a * (a + 1) / 2 + b] * chunk.factors[(kEntries + b) * chunk.stride + f];
+  }
+}
+
 // W -> T = W L^-T in place; reduction += T y.
 template <int kPacks, int kTangent>
-HOLBA_SIMD_INLINE void FormTOf(double* W, const double* inverse, const double* y, double* reduction) {
+HOLBA_SIMD_INLINE void FormTOf(double* W, const double* inverse, const double* y,
+                               double* reduction) {
   for (int v = 0; v < kPacks; ++v) {
     Pack w[kTangent];
     for (int i = 0; i < kTangent; ++i) w[i] = Load(W + (i * kPacks + v) * kLanes);
@@ -202,12 +216,7 @@ void EliminateOf(const ChunkFeatures& chunk, const Sums& sums) {
     size_t f = begin;
     for (; f < chunk.count && chunk.clique[f] == clique; ++f) {
       double inverse[kEntries], y[kTangent];
-      for (int k = 0; k < kEntries; ++k) inverse[k] = chunk.factors[k * chunk.stride + f];
-      for (int a = 0; a < kTangent; ++a) {
-        y[a] = 0.0;
-        for (int b = 0; b <= a; ++b)
-          y[a] += inverse[a * (a + 1) / 2 + b] * chunk.factors[(kEntries + b) * chunk.stride + f];
-      }
+      LoadFactor<kTangent>(chunk, f, inverse, y);
       const uint32_t* w_offset = chunk.w_offset + chunk.first_position[f];
       for (uint32_t p = 0; p < size; ++p) {
         const uint32_t at = sums.padded_offset[nodes[p]];
@@ -299,12 +308,7 @@ void EliminatePlainOf(const double* rows, const ChunkFeatures& chunk, const Sums
     size_t f = begin;
     for (; f < chunk.count && chunk.clique[f] == clique; ++f) {
       double inverse[kEntries], y[kTangent];
-      for (int k = 0; k < kEntries; ++k) inverse[k] = chunk.factors[k * chunk.stride + f];
-      for (int a = 0; a < kTangent; ++a) {
-        y[a] = 0.0;
-        for (int b = 0; b <= a; ++b)
-          y[a] += inverse[a * (a + 1) / 2 + b] * chunk.factors[(kEntries + b) * chunk.stride + f];
-      }
+      LoadFactor<kTangent>(chunk, f, inverse, y);
       for (uint32_t p = 0; p < size; ++p, E += kESize, T += kTSize) {
         double F[kDim][kTangent];  // F L^-T
         for (int k = 0; k < kDim; ++k) {
@@ -356,8 +360,8 @@ void EliminatePlainOf(const double* rows, const ChunkFeatures& chunk, const Sums
         }
         continue;
       }
-      const uint32_t* offsets = chunk.pairs + chunk.pairs_begin[clique - chunk.first_clique] +
-                                size_t{p} * (p + 1) / 2;
+      const uint32_t* offsets =
+          chunk.pairs + chunk.pairs_begin[clique - chunk.first_clique] + size_t{p} * (p + 1) / 2;
       for (uint32_t q = 0; q < p; ++q) {
         if (offsets[q] == kNoBlock) continue;
         SubtractSquare<kTangent, kWidth>(sums.S + size_t{offsets[q]} * kFeatureRow, Tp,

@@ -136,8 +136,8 @@ HOLBA_SIMD_DECLARE(void Accumulate(const Panel& panel, const double* rows,
 HOLBA_SIMD_DECLARE(void AccumulateLoose(const Panel& panel, const double* rows,
                                         const uint32_t* cross, const Sums& sums))
 // Where each place in a feature's clique has one residual, all of one part and in the order of the
-// clique, as the observations of points and lines, W is never formed: T_pf = E_p^T (F L^-T), and the
-// diagonal blocks take E^T E and -T T^T in one go. For the shapes (tangent F, dimension of the
+// clique, as the observations of points and lines, W is never formed: T_pf = E_p^T (F L^-T), and
+// the diagonal blocks take E^T E and -T T^T in one go. For the shapes (tangent F, dimension of the
 // residuals, unknowns of a node) that are spelt out:
 constexpr bool IsPlainShape(int tangent, int dim, int width) {
   return (tangent == 3 && dim == 2 && (width == 6 || width == 9)) ||
@@ -173,8 +173,8 @@ HOLBA_SIMD_DECLARE(double ModelChange(const Panel& panel, int feature_tangent, c
 
 // Covariances of the features of a chunk, L^-T (I + T^T Z T) L^-1 with Z = S^-1 on the blocks of S,
 // T where FormT left it: F x F entries of feature i at covariances[i * F * F]. Z is a BlockMatrix's
-// values, zeros in its padding; z_offset: of the blocks of the pairs (p, q <= p) of each feature's clique,
-// from z_begin[i] on.
+// values, zeros in its padding; z_offset: of the blocks of the pairs (p, q <= p) of each feature's
+// clique, from z_begin[i] on.
 HOLBA_SIMD_DECLARE(void FeatureCovariances(const ChunkFeatures& chunk, const Sums& sums,
                                            const double* Z, const size_t* z_offset,
                                            const size_t* z_begin, double* covariances))

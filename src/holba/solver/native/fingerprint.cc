@@ -59,7 +59,8 @@ Fingerprint FingerprintOf(const Problem& problem) {
   mixer.Add(problem.batches().size());
   for (const auto& batch : problem.batches()) {
     mixer.Add(static_cast<uint64_t>(batch->dim()) << 8 | static_cast<uint64_t>(batch->num_slots()));
-    for (int s = 0; s < batch->num_slots(); ++s) mixer.Add(static_cast<uint64_t>(batch->tangent(s)));
+    for (int s = 0; s < batch->num_slots(); ++s)
+      mixer.Add(static_cast<uint64_t>(batch->tangent(s)));
     mixer.Add(batch->blocks());
   }
   return mixer.Get();

@@ -229,7 +229,8 @@ void NativeWorkspace::Data::Begin(const SolverOptions& options, int num_threads,
     choice.kind = chosen;
   }
   const bool iterative = choice.kind == LinearSolver::kIterative;
-  if (iterative) choice.preconditioner = ChoosePreconditioner(options.preconditioner, equations.structure());
+  if (iterative)
+    choice.preconditioner = ChoosePreconditioner(options.preconditioner, equations.structure());
   equations.SetForm(!iterative ? SchurForm::kExplicit
                     : choice.preconditioner == PreconditionerType::kBorder
                         ? SchurForm::kImplicitWithBorder
@@ -252,7 +253,8 @@ void NativeWorkspace::Data::Begin(const SolverOptions& options, int num_threads,
   made_for = choice;
   const Precision precision = choice.mixed ? Precision::kMixed : Precision::kDouble;
   if (iterative) {
-    solver = std::make_unique<IterativeStep>(options, choice.preconditioner, &equations, num_threads);
+    solver =
+        std::make_unique<IterativeStep>(options, choice.preconditioner, &equations, num_threads);
   } else if (choice.kind == LinearSolver::kDense) {
     solver = std::make_unique<DirectStep>(MakeDenseSolver(pattern, precision, num_threads));
   } else {

@@ -122,8 +122,7 @@ void NormalEquations::LineariseSlice(
           HOLBA_SIMD_CHOOSE_IN(::holba::native, FactoriseFeatures)(features, inverse_radius);
       if (!(figures.max_gradient <= slice->max_gradient))
         slice->max_gradient = figures.max_gradient;
-      float* const stored =
-          IsImplicit() ? stored_.data() + stored_begin_[c] : nullptr;
+      float* const stored = IsImplicit() ? stored_.data() + stored_begin_[c] : nullptr;
       if (visit != nullptr) {
         HOLBA_SIMD_CHOOSE_IN(::holba::native, FormT)(features, sums);
         (*visit)(chunk, features, sums);
@@ -215,8 +214,7 @@ void NormalEquations::Linearise(double radius, Linearisation* out) {
       damping_[at + i] =
           structure_.held_column[at + i] ? 1.0 : std::max(d, 1e-6 * root * root) / radius;
       S_.values.data()[block + i * stride + i] += damping_[at + i];
-      if (IsImplicit())
-        U_.values.data()[block + i * stride + i] += damping_[at + i];
+      if (IsImplicit()) U_.values.data()[block + i * stride + i] += damping_[at + i];
       rhs_[pattern_.offset[n] + i] = reduction_[at + i] - gradient_[at + i];
       out->max_gradient = std::max(out->max_gradient, std::abs(gradient_[at + i]));
       not_finite += gradient_[at + i] - gradient_[at + i];

@@ -65,8 +65,8 @@ class NormalEquations {
   // Linearises at problem.state() and eliminates the features, damped by 1 / radius; an infinite
   // radius: not at all.
   void Linearise(double radius, Linearisation* out);
-  // S, damped (explicit), or its diagonal (and border) blocks (implicit): blocks of its pattern that
-  // the form leaves out are U's.
+  // S, damped (explicit), or its diagonal (and border) blocks (implicit): blocks of its pattern
+  // that the form leaves out are U's.
   const BlockMatrix& matrix() const { return S_; }
   const BlockPattern& pattern() const { return pattern_; }
   // Differs between any two patterns of these equations that differ.
@@ -112,8 +112,9 @@ class NormalEquations {
                         SliceData* slice) const;
   // `visit`, unless null: called for each chunk of features once its T stand in the scratch; then
   // nothing is subtracted from S.
-  void LineariseSlice(SliceData* slice, double inverse_radius, Scratch* scratch,
-                      const FunctionRef<void(const Chunk&, const ChunkFeatures&, const Sums&)>* visit);
+  void LineariseSlice(
+      SliceData* slice, double inverse_radius, Scratch* scratch,
+      const FunctionRef<void(const Chunk&, const ChunkFeatures&, const Sums&)>* visit);
   void StepSlice(SliceData* slice, Scratch* scratch);
   void MergeBlocks();
   template <typename Body>

@@ -21,16 +21,16 @@ constexpr double kMergeWorkPerByte = 0.25, kMaxMergeShare = 0.15;
 // ... and this much memory beside the matrix, as multiples of it, or at least in bytes.
 constexpr size_t kMaxCopies = 2, kFreeSliceBytes = size_t{1} << 20;
 
-// A pattern with this share of its blocks is completed: finding blocks by their nodes alone is worth
-// more than the zeros cost.
+// A pattern with this share of its blocks is completed: finding blocks by their nodes alone is
+// worth more than the zeros cost.
 constexpr double kFullDensity = 0.75;
 
 }  // namespace
 
 bool NormalEquations::Begin(const Problem& problem, int num_threads) {
   const Fingerprint fingerprint = FingerprintOf(problem);
-  const bool known = problem_ != nullptr && fingerprint == fingerprint_ &&
-                     num_threads_ == NumThreads(num_threads);
+  const bool known =
+      problem_ != nullptr && fingerprint == fingerprint_ && num_threads_ == NumThreads(num_threads);
   if (known) {
     for (Part& part : structure_.parts) part.batch = problem.batches()[part.batch_idx].get();
   } else {
@@ -178,9 +178,8 @@ void NormalEquations::SetForm(SchurForm form) {
 void NormalEquations::MakeSlices() {
   double total = 0.0;
   for (const Chunk& chunk : structure_.chunks) total += structure_.Work(chunk);
-  const double matrix_bytes =
-      8.0 * static_cast<double>(std::max<size_t>(
-                1, pattern_.full ? row_offset_.back() : S_.values.size()));
+  const double matrix_bytes = 8.0 * static_cast<double>(std::max<size_t>(
+                                        1, pattern_.full ? row_offset_.back() : S_.values.size()));
   double count = std::clamp<double>(total / kMinSliceWork, 1.0, kMaxSlices);
   const double n = static_cast<double>(pattern_.num_nodes());
   if (static_cast<double>(pattern_.num_blocks()) > 0.2 * n * n) {

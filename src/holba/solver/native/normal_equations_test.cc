@@ -253,7 +253,7 @@ TEST_P(NormalEquationsOf, AreThoseOfTheDenseSystem) {
       for (const Chunk& chunk : equations.structure().chunks) {
         if (chunk.plain) plain_tangents.insert(chunk.feature_tangent);
       }
-      EXPECT_EQ(plain_tangents, !GetParam().plain           ? std::set<int>()
+      EXPECT_EQ(plain_tangents, !GetParam().plain        ? std::set<int>()
                                 : GetParam().own_cameras ? std::set<int>({3})
                                                          : std::set<int>({3, 4}));
       Linearisation linearisation;
@@ -287,9 +287,9 @@ TEST_P(NormalEquationsOf, AreThoseOfTheDenseSystem) {
                                       : S(kept_idx[places[i]], kept_idx[places[j]]);
           ASSERT_NEAR(found, expected, tolerance * (1.0 + std::abs(expected))) << i << " " << j;
           // The preconditioner's blocks are those of S: the diagonal ones, and the border's.
-          const bool is_preconditioned =
-              form == SchurForm::kImplicitWithBorder ? matrix(i, j) != 0.0
-                                                     : node_of[i] == node_of[j];
+          const bool is_preconditioned = form == SchurForm::kImplicitWithBorder
+                                             ? matrix(i, j) != 0.0
+                                             : node_of[i] == node_of[j];
           if (form != SchurForm::kExplicit && is_preconditioned && places[i] >= 0 &&
               places[j] >= 0) {
             ASSERT_NEAR(matrix(i, j), expected, 1e-10 * (1.0 + std::abs(expected)));
@@ -378,13 +378,11 @@ TEST_P(NormalEquationsOf, GiveTheCovariancesOfTheDenseSystem) {
   EXPECT_NEAR(covariance->Of(wavy.poses[2])(1, 1), expected(place, place), 1e-8);
 }
 
-INSTANTIATE_TEST_SUITE_P(Cases, NormalEquationsOf,
-                         testing::Values(Case{false, LossType::kTrivial},
-                                         Case{true, LossType::kTrivial},
-                                         Case{false, LossType::kCauchy},
-                                         Case{true, LossType::kHuber},
-                                         Case{false, LossType::kTrivial, true},
-                                         Case{true, LossType::kCauchy, true}));
+INSTANTIATE_TEST_SUITE_P(
+    Cases, NormalEquationsOf,
+    testing::Values(Case{false, LossType::kTrivial}, Case{true, LossType::kTrivial},
+                    Case{false, LossType::kCauchy}, Case{true, LossType::kHuber},
+                    Case{false, LossType::kTrivial, true}, Case{true, LossType::kCauchy, true}));
 
 TEST(NormalEquations, HaveNoCovarianceWhereTheGaugeIsFree) {
   WavyProblem wavy(false, LossType::kTrivial, 5);

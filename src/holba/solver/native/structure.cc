@@ -170,7 +170,8 @@ void Structure::FindNodes(const Problem& problem) {
            problem.block(id).FreeTangent() > 0;
   };
   for (BlockId id = 0; id < num_blocks; ++id) {
-    if (!kinds[scratch_.kind_of_block[id]].is_pose || problem.block(id).role != BlockRole::kKept) continue;
+    if (!kinds[scratch_.kind_of_block[id]].is_pose || problem.block(id).role != BlockRole::kKept)
+      continue;
     const BlockId camera =
         merged_ && camera_of[id] < kSeveral && moves(camera_of[id]) ? camera_of[id] : kNone;
     if (!moves(id) && camera == kNone) continue;
@@ -298,7 +299,8 @@ void Structure::OrderFeatures(const Problem& problem) {
   const size_t num_blocks = problem.num_blocks();
   scratch_.feature_of_block.assign(num_blocks, kNone);
   features.clear();
-  std::vector<uint8_t>& tangent_of = scratch_.kind_of_block;  // of features; no longer needed as kinds
+  std::vector<uint8_t>& tangent_of =
+      scratch_.kind_of_block;  // of features; no longer needed as kinds
   // Upper bounds of the lists' lengths.
   scratch_.list_size.clear();
   for (const Part& part : parts) {
@@ -366,8 +368,9 @@ void Structure::OrderFeatures(const Problem& problem) {
     scratch_.rank[f] = static_cast<uint32_t>(r);
     ordered[r] = features[f];
     const uint32_t* list = &scratch_.lists[scratch_.list_begin[f]];
-    const bool same = last != kNone && scratch_.list_size[f] == scratch_.list_size[last] &&
-                      std::equal(list, list + scratch_.list_size[f], &scratch_.lists[scratch_.list_begin[last]]);
+    const bool same =
+        last != kNone && scratch_.list_size[f] == scratch_.list_size[last] &&
+        std::equal(list, list + scratch_.list_size[f], &scratch_.lists[scratch_.list_begin[last]]);
     if (!same) {
       cliques.nodes.insert(cliques.nodes.end(), list, list + scratch_.list_size[f]);
       cliques.begin.push_back(static_cast<uint32_t>(cliques.nodes.size()));
@@ -395,7 +398,8 @@ void Structure::OrderFeatures(const Problem& problem) {
   }
 }
 
-// scratch_.keys by key, equal ones in the order in which they stand: digit by digit from the last one.
+// scratch_.keys by key, equal ones in the order in which they stand: digit by digit from the last
+// one.
 void Structure::SortKeys(int key_bits) {
   if (std::is_sorted(scratch_.keys.begin(), scratch_.keys.end())) return;
   constexpr int kDigitBits = 11;
@@ -410,14 +414,17 @@ void Structure::SortKeys(int key_bits) {
     for (const auto& [key, f] : scratch_.keys) ++place[key >> shift & (kDigits - 1)];
     uint32_t before = 0;
     for (uint32_t& p : place) before += std::exchange(p, before);
-    for (const auto& entry : scratch_.keys) scratch_.other_keys[place[entry.first >> shift & (kDigits - 1)]++] = entry;
+    for (const auto& entry : scratch_.keys)
+      scratch_.other_keys[place[entry.first >> shift & (kDigits - 1)]++] = entry;
     scratch_.keys.swap(scratch_.other_keys);
   }
 }
 
 // The residuals of each feature in the order of their nodes.
 void Structure::SortByNode(Part* part, const uint32_t* start, size_t num_features) const {
-  const auto node_of = [&](uint32_t residual) { return NodeOf(*part, part->segments[0], residual); };
+  const auto node_of = [&](uint32_t residual) {
+    return NodeOf(*part, part->segments[0], residual);
+  };
   const auto before = [&](uint32_t a, uint32_t b) {
     const uint32_t node_a = node_of(a), node_b = node_of(b);
     return node_a != node_b ? node_a < node_b : a < b;
@@ -448,7 +455,8 @@ void Structure::MakeChunks(const Problem& problem) {
     bool in_order = true;
     uint32_t before = 0;
     for (uint32_t i : part.residuals) {
-      const uint32_t r = scratch_.rank[scratch_.feature_of_block[part.batch->block(i, part.feature_slot)]];
+      const uint32_t r =
+          scratch_.rank[scratch_.feature_of_block[part.batch->block(i, part.feature_slot)]];
       ++start[r + 1];
       in_order &= r >= before;
       before = r;
@@ -457,7 +465,8 @@ void Structure::MakeChunks(const Problem& problem) {
     if (!in_order) {
       sorted.resize(part.residuals.size());
       for (uint32_t i : part.residuals) {
-        const uint32_t r = scratch_.rank[scratch_.feature_of_block[part.batch->block(i, part.feature_slot)]];
+        const uint32_t r =
+            scratch_.rank[scratch_.feature_of_block[part.batch->block(i, part.feature_slot)]];
         sorted[start[r]++] = i;
       }
       for (size_t r = n; r > 0; --r) start[r] = start[r - 1];
@@ -602,7 +611,8 @@ void Structure::FindHeld(const Problem& problem) {
       if (!block.constant) scratch_.still[id] = block.held;
     } else if (kept[id].node != kNone) {
       const Columns& columns = block_columns[id];
-      for (int c = 0; c < columns.count; ++c) scratch_.still[id] |= uint32_t{1} << columns.tangent[c];
+      for (int c = 0; c < columns.count; ++c)
+        scratch_.still[id] |= uint32_t{1} << columns.tangent[c];
       scratch_.still[id] &= ~FreeMask(block);
     }
     any |= scratch_.still[id] != 0;

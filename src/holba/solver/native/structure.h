@@ -122,8 +122,8 @@ struct Structure {
 
   std::vector<BlockId> features;  // in working order
   std::vector<uint32_t> feature_clique;
-  std::vector<size_t> feature_at;           // where its values stand in the state
-  std::vector<uint8_t> feature_manifold;    // in manifolds
+  std::vector<size_t> feature_at;             // where its values stand in the state
+  std::vector<uint8_t> feature_manifold;      // in manifolds
   std::vector<const ManifoldOps*> manifolds;  // of features
   Cliques cliques;
   std::vector<Part> parts;
