@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <string>
@@ -59,6 +61,29 @@ TEST_P(SimdTargets, TellAnyFromAll) {
     EXPECT_EQ(results.any_less, last >= 0);
     EXPECT_EQ(results.all_less, last >= lanes - 1);
   }
+}
+
+TEST_P(SimdTargets, LoadRowsOfEveryLengthAndNoByteBeyondThem) {
+  // The last row ends where memory ends.
+  const size_t page = static_cast<size_t>(sysconf(_SC_PAGESIZE));
+  void* const memory =
+      mmap(nullptr, 2 * page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  ASSERT_NE(memory, MAP_FAILED);
+  ASSERT_EQ(mprotect(static_cast<char*>(memory) + page, page, PROT_NONE), 0);
+  double* const values = static_cast<double*>(memory);
+  const int64_t size = static_cast<int64_t>(page / sizeof(double));
+  for (int64_t i = 0; i < size; ++i) values[i] = static_cast<double>(i);
+  for (int n = 1; n <= kMaxTestedRow; ++n) {
+    const int64_t last = size - n;
+    const int64_t idx[kMaxSimdLanes] = {last, 0, 3, last - 1, 100, 0, 7, last};
+    double rows[kMaxTestedRow * kMaxSimdLanes] = {};
+    const int lanes = HOLBA_SIMD_CHOOSE(LoadRowsInto)(n, values, idx, rows);
+    for (int k = 0; k < n; ++k) {
+      for (int l = 0; l < lanes; ++l)
+        EXPECT_EQ(rows[k * kMaxSimdLanes + l], static_cast<double>(idx[l] + k)) << n;
+    }
+  }
+  munmap(memory, 2 * page);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, SimdTargets,

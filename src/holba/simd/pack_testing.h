@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Operations of pack.h on plain arrays, for pack_test.cc.
+// Operations of pack.h and rows.h on plain arrays, for pack_test.cc.
 #pragma once
 
 #include <cstddef>
@@ -20,5 +20,9 @@ struct PackResults {
 
 HOLBA_SIMD_DECLARE(int ComputePacks(const double* a, const double* b, const double* table,
                                     const int64_t* idx, PackResults* results))
+
+// LoadRows<n> for 1 <= n <= kMaxTestedRow: entry k of lane l at out[k * kMaxSimdLanes + l].
+inline constexpr int kMaxTestedRow = 16;
+HOLBA_SIMD_DECLARE(int LoadRowsInto(int n, const double* base, const int64_t* idx, double* out))
 
 }  // namespace holba
