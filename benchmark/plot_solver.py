@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draws the result of `holba bench --benchmark solver --json`: for every problem the time of one iteration and the
+"""Draws results of `holba bench --benchmark solver --json`: for every problem the time of one iteration and the
 time to 0.1 % above the least cost, of the best of each family of solvers, on logarithmic axes. Needs matplotlib.
 
 Example: holba bench --benchmark solver --json > solver.json; benchmark/plot_solver.py solver.json docs/solver.svg
@@ -70,14 +70,14 @@ def draw(axes, problems: list[dict], key: str, title: str, floors: list[float] |
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("input", type=pathlib.Path, help="the JSON that the benchmark printed")
+    parser.add_argument("input", type=pathlib.Path, nargs="+", help="what the benchmark printed, of one run or several")
     parser.add_argument("output", type=pathlib.Path, help="picture to write: .svg, .png or .pdf")
     arguments = parser.parse_args()
-    results = json.loads(arguments.input.read_text())["results"]
-    problems = results["problems"]
+    runs = [json.loads(path.read_text())["results"] for path in arguments.input]
+    problems = [problem for run in runs for problem in run["problems"]]
     if not problems:
-        parser.error(f"{arguments.input}: no problems")
-    peak = results["machine"]["peak_gflops_all_threads"]
+        parser.error("no problems")
+    peak = max(run["machine"]["peak_gflops_all_threads"] for run in runs)
     floors = [1e-6 * p["flops"]["total"] / peak for p in problems]
 
     # Text stays text, and the same input gives the same file.
