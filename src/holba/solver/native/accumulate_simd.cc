@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // elimination.h: from evaluated residuals to V, g, U and W.
+#include <utility>
+
 #include "holba/solver/native/elimination_packs.h"
 
 namespace holba::native::HOLBA_SIMD_TARGET {
@@ -191,26 +193,33 @@ void AccumulateAlone(const Panel& panel, const double* rows, const ChunkFeatures
   }
 }
 
+template <int kTangent, int kShape>
+HOLBA_SIMD_INLINE bool AccumulateIfShape(const Panel& panel, const double* rows,
+                                         const ChunkFeatures& chunk, const Sums& sums) {
+  constexpr ResidualShape shape = kConstantShapes[kShape];
+  if constexpr (shape.tangent == kTangent) {
+    if (!IsShape(shape, kTangent, panel.dim, panel.segments[0].width)) return false;
+    AccumulateAlone<kTangent, shape.dim, shape.width>(panel, rows, chunk, sums);
+    return true;
+  } else {
+    return false;
+  }
+}
+// False: not a constant shape, nothing was done.
+template <int kTangent, int... kShape>
+HOLBA_SIMD_INLINE bool AccumulateIfAlone(const Panel& panel, const double* rows,
+                                         const ChunkFeatures& chunk, const Sums& sums,
+                                         std::integer_sequence<int, kShape...>) {
+  return (AccumulateIfShape<kTangent, kShape>(panel, rows, chunk, sums) || ...);
+}
+
 template <int kTangent>
 void AccumulateOf(const Panel& panel, const double* rows, const ChunkFeatures& chunk,
                   const Sums& sums) {
-  if (panel.num_segments == 1) {
-    const int width = panel.segments[0].width;
-    if constexpr (kTangent == 3) {
-      if (panel.dim == 2 && width == 6)
-        return AccumulateAlone<kTangent, 2, 6>(panel, rows, chunk, sums);
-      if (panel.dim == 2 && width == 9)
-        return AccumulateAlone<kTangent, 2, 9>(panel, rows, chunk, sums);
-    }
-    if constexpr (kTangent == 3 || kTangent == 4) {
-      if (panel.dim == 1 && width == 6)
-        return AccumulateAlone<kTangent, 1, 6>(panel, rows, chunk, sums);
-    }
-    if constexpr (kTangent == 4) {
-      if (panel.dim == 4 && width == 6)
-        return AccumulateAlone<kTangent, 4, 6>(panel, rows, chunk, sums);
-    }
-  }
+  if (panel.num_segments == 1 &&
+      AccumulateIfAlone<kTangent>(panel, rows, chunk, sums,
+                                  std::make_integer_sequence<int, kNumConstantShapes>()))
+    return;
   const int dim = panel.dim, row_stride = panel.row_stride;
   for (size_t j = 0; j < panel.count;) {
     const uint32_t f = panel.local_feature[j];
@@ -387,11 +396,7 @@ void AccumulateLoose(const Panel& panel, const double* rows, const uint32_t* cro
 }
 
 void AccumulatePlain(const Panel& panel, const double* rows, const ChunkFeatures& chunk) {
-  if (chunk.tangent == 3) {
-    AccumulatePlainOf<3>(panel, rows, chunk);
-  } else {
-    AccumulatePlainOf<4>(panel, rows, chunk);
-  }
+  HOLBA_WITH_TANGENT(chunk.tangent, (AccumulatePlainOf<kTangent>(panel, rows, chunk)));
 }
 
 }  // namespace holba::native::HOLBA_SIMD_TARGET

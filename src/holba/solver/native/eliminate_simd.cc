@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // elimination.h: the factors of the features, and their shares of the reduced system.
+#include <utility>
+
 #include "holba/solver/native/elimination_packs.h"
 
 namespace holba::native::HOLBA_SIMD_TARGET {
@@ -371,6 +373,18 @@ void EliminatePlainOf(const double* rows, const ChunkFeatures& chunk, const Sums
   }
 }
 
+template <int... kShape>
+void EliminatePlainAmong(const Panel& panel, const double* rows, const ChunkFeatures& chunk,
+                         const Sums& sums, std::integer_sequence<int, kShape...>) {
+  const auto eliminate_if = [&]<int kIdx>() {
+    constexpr ResidualShape shape = kConstantShapes[kIdx];
+    if (!IsShape(shape, chunk.tangent, panel.dim, panel.segments[0].width)) return false;
+    EliminatePlainOf<shape.tangent, shape.dim, shape.width>(rows, chunk, sums);
+    return true;
+  };
+  (eliminate_if.template operator()<kShape>() || ...);
+}
+
 void StoreT(const ChunkFeatures& chunk, float* stored) {
   if (stored == nullptr) return;
   const size_t total = chunk.w_offset[chunk.first_position[chunk.count]];
@@ -396,13 +410,8 @@ void Eliminate(const ChunkFeatures& chunk, const Sums& sums, float* stored) {
 
 void EliminatePlain(const Panel& panel, const double* rows, const ChunkFeatures& chunk,
                     const Sums& sums, float* stored) {
-  if (chunk.tangent == 4) {
-    EliminatePlainOf<4, 4, 6>(rows, chunk, sums);
-  } else if (panel.segments[0].width == 6) {
-    EliminatePlainOf<3, 2, 6>(rows, chunk, sums);
-  } else {
-    EliminatePlainOf<3, 2, 9>(rows, chunk, sums);
-  }
+  EliminatePlainAmong(panel, rows, chunk, sums,
+                      std::make_integer_sequence<int, kNumConstantShapes>());
   StoreT(chunk, stored);
 }
 

@@ -135,14 +135,21 @@ HOLBA_SIMD_DECLARE(void Accumulate(const Panel& panel, const double* rows,
 // (1,0), (2,0), (2,1), ... of each residual, kNoBlock where one does not move.
 HOLBA_SIMD_DECLARE(void AccumulateLoose(const Panel& panel, const double* rows,
                                         const uint32_t* cross, const Sums& sums))
-// Where each place in a feature's clique has one residual, all of one part and in the order of the
-// clique, as the observations of points and lines, W is never formed: T_pf = E_p^T (F L^-T), and
-// the diagonal blocks take E^T E and -T T^T in one go. For the shapes (tangent F, dimension of the
-// residuals, unknowns of a node) that are spelt out:
-constexpr bool IsPlainShape(int tangent, int dim, int width) {
-  return (tangent == 3 && dim == 2 && (width == 6 || width == 9)) ||
-         (tangent == 4 && dim == 4 && width == 6);
+// Residuals of one segment whose sizes are constants to the compiler: points and lines seen by
+// poses or by poses with intrinsics of their own, and the wireframe's distances.
+struct ResidualShape {
+  int tangent, dim, width;  // F, of the residual, of the node
+};
+inline constexpr ResidualShape kConstantShapes[] = {
+    {3, 2, 6}, {3, 2, 9}, {4, 4, 6}, {3, 1, 6}, {4, 1, 6}};
+inline constexpr int kNumConstantShapes = sizeof(kConstantShapes) / sizeof(kConstantShapes[0]);
+constexpr bool IsShape(const ResidualShape& shape, int tangent, int dim, int width) {
+  return shape.tangent == tangent && shape.dim == dim && shape.width == width;
 }
+
+// Where each place in a feature's clique has one residual, all of one part, of a constant shape and
+// in the order of the clique, as the observations of points and lines, W is never formed:
+// T_pf = E_p^T (F L^-T), and the diagonal blocks take E^T E and -T T^T in one go.
 // V and g.
 HOLBA_SIMD_DECLARE(void AccumulatePlain(const Panel& panel, const double* rows,
                                         const ChunkFeatures& chunk))

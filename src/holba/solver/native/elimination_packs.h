@@ -58,40 +58,22 @@ HOLBA_SIMD_INLINE void StoreFloats(Pack x, float* p) {
   } while (false)
 
 // The same with the tangent of the features: 3 (points), 4 (lines), others.
-#define HOLBA_WITH_TANGENT(tangent, call) \
-  do {                                    \
-    switch (tangent) {                    \
-      case 1: {                           \
-        constexpr int kTangent = 1;       \
-        call;                             \
-        break;                            \
-      }                                   \
-      case 2: {                           \
-        constexpr int kTangent = 2;       \
-        call;                             \
-        break;                            \
-      }                                   \
-      case 3: {                           \
-        constexpr int kTangent = 3;       \
-        call;                             \
-        break;                            \
-      }                                   \
-      case 4: {                           \
-        constexpr int kTangent = 4;       \
-        call;                             \
-        break;                            \
-      }                                   \
-      case 5: {                           \
-        constexpr int kTangent = 5;       \
-        call;                             \
-        break;                            \
-      }                                   \
-      default: {                          \
-        constexpr int kTangent = 6;       \
-        call;                             \
-        break;                            \
-      }                                   \
-    }                                     \
+#define HOLBA_TANGENT_CASE(label, tangent, call) \
+  label : {                                      \
+    constexpr int kTangent = tangent;            \
+    call;                                        \
+    break;                                       \
+  }
+#define HOLBA_WITH_TANGENT(tangent, call)  \
+  do {                                     \
+    switch (tangent) {                     \
+      HOLBA_TANGENT_CASE(case 1, 1, call)  \
+      HOLBA_TANGENT_CASE(case 2, 2, call)  \
+      HOLBA_TANGENT_CASE(case 3, 3, call)  \
+      HOLBA_TANGENT_CASE(case 4, 4, call)  \
+      HOLBA_TANGENT_CASE(case 5, 5, call)  \
+      HOLBA_TANGENT_CASE(default, 6, call) \
+    }                                      \
   } while (false)
 
 // Of block (a, b), full pattern.

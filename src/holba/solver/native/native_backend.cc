@@ -179,6 +179,7 @@ struct NativeWorkspace::Data {
     double eta = 0.0;
     int max_linear_solver_iterations = 0;
     int num_threads = 0;
+    uint32_t num_pose_nodes = 0;
     uint64_t pattern_version = 0;
     bool operator==(const Choice&) const = default;
   };
@@ -187,15 +188,18 @@ struct NativeWorkspace::Data {
   // Of the last problem's structure, if ChooseLinearSolver was asked.
   LinearSolver chosen = LinearSolver::kAuto;
 
-  // Analyses the problem.
-  void Begin(const SolverOptions& options, int num_threads, const Problem& problem);
+  void Begin(const Problem& problem, int num_threads) {
+    if (!equations.Begin(problem, num_threads)) chosen = LinearSolver::kAuto;
+  }
+  // After Begin: the form of the reduced system and the solver that the options ask for.
+  void Choose(const SolverOptions& options, int num_threads);
 };
 
 native::NormalEquations& NativeWorkspace::equations() { return data_->equations; }
 
 ReducedSolver* NativeWorkspace::BeginExplicit(const Problem& problem, int num_threads) {
   Data& data = *data_;
-  if (!data.equations.Begin(problem, num_threads)) data.chosen = LinearSolver::kAuto;
+  data.Begin(problem, num_threads);
   SolverOptions options;
   options.linear_solver = data.chosen;
   if (data.chosen != LinearSolver::kSparse && data.chosen != LinearSolver::kDense) {
@@ -205,16 +209,14 @@ ReducedSolver* NativeWorkspace::BeginExplicit(const Problem& problem, int num_th
   }
   // One for mixed precision makes a factor in double when it is asked for the inverse.
   options.precision = data.made_for.mixed ? FactorPrecision::kMixed : FactorPrecision::kDouble;
-  data.Begin(options, num_threads, problem);
+  data.Choose(options, num_threads);
   return data.solver->Direct();
 }
 
 NativeWorkspace::NativeWorkspace() : data_(std::make_unique<Data>()) {}
 NativeWorkspace::~NativeWorkspace() = default;
 
-void NativeWorkspace::Data::Begin(const SolverOptions& options, int num_threads,
-                                  const Problem& problem) {
-  if (!equations.Begin(problem, num_threads)) chosen = LinearSolver::kAuto;
+void NativeWorkspace::Data::Choose(const SolverOptions& options, int num_threads) {
   if (equations.structure().num_nodes() == 0) {
     equations.SetForm(SchurForm::kExplicit);
     solver = std::make_unique<NoStep>();
@@ -237,6 +239,7 @@ void NativeWorkspace::Data::Begin(const SolverOptions& options, int num_threads,
                         : SchurForm::kImplicit);
   const BlockPattern& pattern = equations.pattern();
   choice.num_threads = num_threads;
+  choice.num_pose_nodes = equations.structure().num_pose_nodes;
   choice.pattern_version = equations.pattern_version();
   if (iterative) {
     choice.eta = options.eta;
@@ -250,7 +253,6 @@ void NativeWorkspace::Data::Begin(const SolverOptions& options, int num_threads,
     solver->Reset();
     return;
   }
-  made_for = choice;
   const Precision precision = choice.mixed ? Precision::kMixed : Precision::kDouble;
   if (iterative) {
     solver =
@@ -260,6 +262,7 @@ void NativeWorkspace::Data::Begin(const SolverOptions& options, int num_threads,
   } else {
     solver = std::make_unique<DirectStep>(MakeSparseSolver(pattern, precision, num_threads));
   }
+  made_for = choice;
 }
 
 namespace {
@@ -304,7 +307,8 @@ SolverSummary SolveNatively(const SolverOptions& options, Problem* problem,
   summary.num_threads = NumThreads(options.num_threads);
   summary.factorise_seconds = summary.back_substitute_seconds = 0.0;
   NativeWorkspace::Data& data = workspace->data();
-  data.Begin(options, summary.num_threads, *problem);
+  data.Begin(*problem, summary.num_threads);
+  data.Choose(options, summary.num_threads);
   NormalEquations& equations = data.equations;
   StepSolver* const solver = data.solver.get();
   const bool nothing_to_do =

@@ -589,7 +589,11 @@ bool Structure::IsPlain(const Chunk& chunk) const {
   const Part& part = parts[cp.part];
   if (part.num_segments != 1 || cp.end - cp.begin != chunk.num_positions) return false;
   const int width = part.segments[0].width;
-  if (!IsPlainShape(chunk.feature_tangent, part.batch->dim(), width)) return false;
+  if (std::none_of(std::begin(kConstantShapes), std::end(kConstantShapes),
+                   [&](const ResidualShape& shape) {
+                     return IsShape(shape, chunk.feature_tangent, part.batch->dim(), width);
+                   }))
+    return false;
   uint32_t j = cp.begin;
   for (uint32_t f = chunk.feature_begin; f < chunk.feature_end; ++f) {
     const auto nodes = cliques.Nodes(feature_clique[f]);
