@@ -233,7 +233,7 @@ std::optional<Table> CovariancesTable(const SolverBenchResult& bench) {
       if (!seconds) continue;
       if (table.rows.empty()) table.header.push_back(Label(of.competitor));
       row.push_back(fmt::format("{} ({:.1f})", ThreeDigits(1e3 * *seconds),
-                                *seconds / of.covariances.build_seconds));
+                                *seconds / of.covariances.seconds_per_iteration));
     }
     if (row.size() == table.header.size() && row.size() > 1) table.rows.push_back(row);
   }

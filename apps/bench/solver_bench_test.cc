@@ -85,7 +85,7 @@ TEST(SolverBench, ShowsFailuresAndWhatWasSkipped) {
 TEST(SolverBench, TablesHoldFloorsRatiosCallsAndCovariances) {
   SolverBenchResult result = MadeUpResult();
   result.problems[0].results[0].covariances.seconds = {5e-3, 3e-3, 4e-3};
-  result.problems[0].results[0].covariances.build_seconds = 2e-3;  // of an iteration
+  result.problems[0].results[0].covariances.seconds_per_iteration = 2e-3;
   // The native solver reaches the least cost; its problem was built in half a second.
   for (SolverRun& run : result.problems[0].results[2].converged) run.final_cost = 10.0;
   for (SolverRun& run : result.problems[0].results[2].timed) run.final_cost = 10.0;

@@ -30,7 +30,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(SolverRun, failure, used_solver, stop_reason,
                                    build_problem_seconds, build_seconds, total_seconds,
                                    peak_memory_mb, initial_cost, final_cost, num_iterations,
                                    linearise_seconds, eliminate_seconds, factorise_seconds,
-                                   back_substitute_seconds, log, seconds)
+                                   back_substitute_seconds, log, seconds, seconds_per_iteration)
 namespace {
 
 // A number of KiB of /proc/self/status; 0: not there.
@@ -181,7 +181,7 @@ void RunCovariances(const SolverProblem& problem, const SolverOptions& solver, S
   BundleProblem bundle = BuildProblem(problem.start, bundle_options);
   SolverWorkspace workspace;
   const SolverSummary summary = Solve(solver, &bundle.problem, &workspace);
-  run->build_seconds = summary.MedianIterationSeconds();
+  run->seconds_per_iteration = summary.MedianIterationSeconds();
   run->used_solver = summary.linear_solver;
   constexpr int kRepetitions = 5;
   for (int i = 0; i < kRepetitions; ++i) {
@@ -266,7 +266,6 @@ SolverRun RunSolver(const SolverProblem& problem, const Competitor& competitor,
     return run;
   }
   if (options.mode == RunMode::kCovariances) {
-    solver.linear_solver = LinearSolver::kAuto;
     solver.max_num_iterations = options.iterations;
     RunCovariances(problem, solver, &run);
     return run;

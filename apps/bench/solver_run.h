@@ -39,8 +39,7 @@ std::string WhySkipped(const Competitor& competitor, bool is_bal, size_t num_kep
 enum class RunMode {
   kTimed,        // exactly `iterations` iterations with all tolerances 0
   kConverged,    // until the cost changes by less than function_tolerance
-  kCovariances,  // of all blocks, the gauge fixed, after some iterations; native only.
-                 // build_seconds is then the median time of one of these
+  kCovariances,  // of all blocks, the gauge fixed, after some iterations; native only
   kCalls  // `calls` adjustments in a row, each of a problem built anew and a little different
 };
 struct RunOptions {
@@ -70,7 +69,8 @@ struct SolverRun {
   double factorise_seconds = -1.0, back_substitute_seconds = -1.0;  // -1: not known
   std::vector<LoggedIteration> log;                                 // of the first solve
   std::vector<double> seconds;  // kTimed: of accepted iterations but the first of a solve; kCalls:
-                                // of calls, building included
+                                // of calls, building included; kCovariances: of computing them
+  double seconds_per_iteration = 0.0;  // kCovariances: of the iterations before
 };
 
 // Whether a solver, by the name that it gave in SolverRun::used_solver, solves the reduced system

@@ -388,8 +388,7 @@ class Builder {
             {image.model->id, -1, image.observations_move}, [&] {
               return WireframeLineResidual{{image.model, image.observations_move}};
             });
-        const Eigen::Vector2d& xy =
-            model_.images.at(observation.image_id).points2D[observation.point2D_idx].xy;
+        const Eigen::Vector2d& xy = image.image->points2D[observation.point2D_idx].xy;
         batch.Add(std::array{line, image.pose, image.camera},
                   {IdealObservation(*image.model, image.params, xy), image.sensor});
       }

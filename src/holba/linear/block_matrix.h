@@ -8,6 +8,8 @@
 #include <new>
 #include <vector>
 
+#include "holba/linear/padding.h"
+
 namespace holba {
 
 // Which blocks there are. A node is a group of unknowns (a pose, the intrinsics of a camera).
@@ -30,9 +32,6 @@ struct BlockPattern {
   // To be called once widths, row_start and column are filled; CHECKs what they promise.
   void Finish();
 };
-
-// Rows that a block column of `width` occupies in memory.
-constexpr int PaddedWidth(int width) { return (width + 7) / 8 * 8; }
 
 // Doubles at a multiple of 64 bytes, with some on either side that may be read and mean nothing.
 class AlignedDoubles {

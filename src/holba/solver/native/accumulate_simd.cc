@@ -23,7 +23,7 @@ HOLBA_SIMD_INLINE void AddOuterOf(double* block, const double* a, int width_a, c
     }
   }
   double* tail = block + grouped * width_b;
-  const int padded = PaddedTo8(width_b);
+  const int padded = PaddedWidth(width_b);
   for (int row = grouped; row < width_a; ++row, tail += padded) {
     for (int c = 0; c < width_b; c += kLanes) {
       Pack sum = Load(tail + c);
@@ -132,7 +132,7 @@ HOLBA_SIMD_INLINE double* PairBlock(const Sums& sums, const ChunkFeatures& chunk
 template <int kTangent, int kDim, int kWidth>
 void AccumulateAlone(const Panel& panel, const double* rows, const ChunkFeatures& chunk,
                      const Sums& sums) {
-  constexpr int kPadded = PaddedTo8(kWidth), kPacks = kPadded / kLanes;
+  constexpr int kPadded = PaddedWidth(kWidth), kPacks = kPadded / kLanes;
   constexpr int kGrouped = GroupedRows(kWidth), kRowStride = kFeatureRow + kPadded;
   const double* row = rows;
   for (size_t j = 0; j < panel.count;) {

@@ -117,7 +117,7 @@ HOLBA_SIMD_INLINE void SubtractColumns(double* block, const double* Tp, int padd
 template <int kTangent>
 __attribute__((noinline)) void SubtractPair(double* block, int width_p, const double* Tp,
                                             int width_q, const double* Tq, const FeatureRun& run) {
-  const int padded_p = PaddedTo8(width_p), padded_q = PaddedTo8(width_q);
+  const int padded_p = PaddedWidth(width_p), padded_q = PaddedWidth(width_q);
   const int grouped = GroupedRows(width_p);
   for (int group = 0; group < grouped; group += 8) {
     int c = 0;
@@ -151,7 +151,7 @@ __attribute__((noinline)) void SubtractPair(double* block, int width_p, const do
 template <int kTangent, int kWidth>
 HOLBA_SIMD_INLINE void SubtractSquare(double* block, const double* Tp, const double* Tq,
                                       const FeatureRun& run) {
-  constexpr int kPadded = PaddedTo8(kWidth), kGrouped = GroupedRows(kWidth);
+  constexpr int kPadded = PaddedWidth(kWidth), kGrouped = GroupedRows(kWidth);
   for (int v = 0; v < kGrouped; v += kLanes) {
     double* column = block + v / 8 * 8 * kWidth + v % 8;
     Pack sum[kWidth];
@@ -245,7 +245,7 @@ void EliminateOf(const ChunkFeatures& chunk, const Sums& sums) {
 template <int kTangent, int kDim, int kWidth, bool kOneMatrix>
 HOLBA_SIMD_INLINE void AddDiagonalBlock(double* U, double* S, const double* E, size_t e_stride,
                                         const double* T, const FeatureRun& run) {
-  constexpr int kPadded = PaddedTo8(kWidth), kGrouped = GroupedRows(kWidth);
+  constexpr int kPadded = PaddedWidth(kWidth), kGrouped = GroupedRows(kWidth);
   constexpr int kRowStride = kFeatureRow + kPadded;
   for (int v = 0; v < kGrouped; v += kLanes) {
     const int at = v / 8 * 8 * kWidth + v % 8;
@@ -296,7 +296,7 @@ HOLBA_SIMD_INLINE void AddDiagonalBlock(double* U, double* S, const double* E, s
 template <int kTangent, int kDim, int kWidth>
 void EliminatePlainOf(const double* rows, const ChunkFeatures& chunk, const Sums& sums) {
   constexpr int kEntries = kTangent * (kTangent + 1) / 2;
-  constexpr int kPadded = PaddedTo8(kWidth), kRowStride = kFeatureRow + kPadded;
+  constexpr int kPadded = PaddedWidth(kWidth), kRowStride = kFeatureRow + kPadded;
   constexpr size_t kTSize = kTangent * kPadded, kESize = kDim * kRowStride;
   const bool one_matrix = sums.U == sums.S;
   const double* E = rows;
@@ -416,7 +416,7 @@ void EliminatePlain(const Panel& panel, const double* rows, const ChunkFeatures&
 }
 
 void AddSumBlock(const double* sum, int width_a, int width_b, bool first, double* block) {
-  const int padded = PaddedTo8(width_a), grouped = GroupedRows(width_a);
+  const int padded = PaddedWidth(width_a), grouped = GroupedRows(width_a);
   for (int group = 0; group < grouped; group += 8) {
     for (int c = 0; c < width_b; ++c, sum += 8) {
       double* to = block + c * padded + group;
@@ -427,7 +427,7 @@ void AddSumBlock(const double* sum, int width_a, int width_b, bool first, double
       }
     }
   }
-  for (int row = grouped; row < width_a; ++row, sum += PaddedTo8(width_b)) {
+  for (int row = grouped; row < width_a; ++row, sum += PaddedWidth(width_b)) {
     for (int c = 0; c < width_b; ++c) {
       double* to = block + c * padded + row;
       *to = first ? sum[c] : *to + sum[c];

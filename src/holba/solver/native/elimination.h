@@ -27,6 +27,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "holba/linear/padding.h"
 #include "holba/simd/targets.h"
 
 namespace holba::native {
@@ -73,14 +74,13 @@ struct Panel {
 // pose with its own intrinsics has 9 to 11 unknowns: padded to 16 rows it would take twice the
 // memory, and memory is what limits these sums.
 inline constexpr int kMaxTailRows = 3;
-constexpr int PaddedTo8(int width) { return (width + 7) / 8 * 8; }
 constexpr int TailRows(int width) {
   return width >= 8 && width % 8 <= kMaxTailRows ? width % 8 : 0;
 }
-constexpr int GroupedRows(int width) { return PaddedTo8(width - TailRows(width)); }
+constexpr int GroupedRows(int width) { return PaddedWidth(width - TailRows(width)); }
 constexpr size_t SumBlockSize(int width_a, int width_b) {
   return static_cast<size_t>(GroupedRows(width_a)) * width_b +
-         static_cast<size_t>(TailRows(width_a)) * PaddedTo8(width_b);
+         static_cast<size_t>(TailRows(width_a)) * PaddedWidth(width_b);
 }
 
 // Sums of one slice. Vectors are padded: node n has the entries padded_offset[n] and following.
@@ -187,7 +187,7 @@ HOLBA_SIMD_DECLARE(void FeatureCovariances(const ChunkFeatures& chunk, const Sum
                                            const size_t* z_begin, double* covariances))
 
 // A block of sums added to (or, `first`, put into) a block of BlockMatrix: width_b columns of
-// PaddedTo8(width_a) doubles.
+// PaddedWidth(width_a) doubles.
 HOLBA_SIMD_DECLARE(void AddSumBlock(const double* sum, int width_a, int width_b, bool first,
                                     double* block))
 

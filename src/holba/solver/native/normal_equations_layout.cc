@@ -18,8 +18,8 @@ constexpr size_t kMaxSlices = 16;
 // Where every slice touches most of the matrix, clearing and adding up its sums costs about this
 // work a byte; it may take this share of the whole.
 constexpr double kMergeWorkPerByte = 0.25, kMaxMergeShare = 0.15;
-// ... and this much memory beside the matrix, as multiples of it, or at least in bytes.
-constexpr size_t kMaxCopies = 2, kFreeSliceBytes = size_t{1} << 20;
+// ... and this much memory; but two threads get sums of their own whatever they cost.
+constexpr size_t kFreeSliceBytes = size_t{1} << 20, kMinCopies = 2;
 
 // A pattern with this share of its blocks is completed: finding blocks by their nodes alone is
 // worth more than the zeros cost.
@@ -184,8 +184,8 @@ void NormalEquations::MakeSlices() {
   const double n = static_cast<double>(pattern_.num_nodes());
   if (static_cast<double>(pattern_.num_blocks()) > 0.2 * n * n) {
     const double by_work = kMaxMergeShare * total / (kMergeWorkPerByte * matrix_bytes);
-    const double by_memory = std::max(1.0 * kMaxCopies, kFreeSliceBytes / matrix_bytes);
-    count = std::min(count, std::max(2.0, std::min(by_work, by_memory)));
+    const double by_memory = kFreeSliceBytes / matrix_bytes;
+    count = std::min(count, std::max(1.0 * kMinCopies, std::min(by_work, by_memory)));
   } else if (structure_.num_nodes() > 4000) {
     count = std::min(count, 8.0);  // each has vectors of all nodes
   }
@@ -209,7 +209,7 @@ void NormalEquations::MakeOffsets(SliceData* slice) {
   slice->gradient.resize(padded);
   slice->diagonal.resize(padded);
   slice->reduction.resize(padded);
-  const bool own_blocks = !pattern_.full;
+  const bool own_blocks = !pattern_.full;  // else every block has the place it has in the matrix
   const bool implicit = IsImplicit();
 
   // Pairs of the cliques, as blocks of the whole pattern.
@@ -227,8 +227,8 @@ void NormalEquations::MakeOffsets(SliceData* slice) {
   }
   if (slice->first_clique == kNone) slice->first_clique = clique_end = 0;
   std::vector<uint8_t> touched;
-  if (own_blocks) touched.resize(pattern_.num_blocks());
-  if (!pattern_.full) {
+  if (own_blocks) {
+    touched.resize(pattern_.num_blocks());
     size_t num_pairs = 0;
     for (uint32_t c = slice->first_clique; c < clique_end; ++c) {
       const size_t size = s.cliques.Nodes(c).size();
@@ -259,10 +259,8 @@ void NormalEquations::MakeOffsets(SliceData* slice) {
         slice->pairs.push_back(static_cast<uint32_t>(pattern_.row_start[a + 1] - 1));
       }
     }
-    if (own_blocks) {
-      for (uint32_t k : slice->pairs) {
-        if (k != kNoBlock) touched[k] = 1;
-      }
+    for (uint32_t k : slice->pairs) {
+      if (k != kNoBlock) touched[k] = 1;
     }
   }
   // Residuals without a feature.
