@@ -14,7 +14,7 @@ namespace holba {
 
 // Which blocks there are. A node is a group of unknowns (a pose, the intrinsics of a camera).
 struct BlockPattern {
-  static constexpr int kMaxWidth = 24;
+  static constexpr int kMaxWidth = kMaxBlockWidth;
 
   std::vector<int> widths;        // unknowns of each node, 1 .. kMaxWidth
   std::vector<size_t> row_start;  // row a has the blocks row_start[a] .. row_start[a + 1] - 1

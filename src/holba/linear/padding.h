@@ -4,6 +4,9 @@
 
 namespace holba {
 
+// Unknowns of the widest block.
+inline constexpr int kMaxBlockWidth = 24;
+
 // Doubles that a column or row of `width` occupies.
 constexpr int PaddedWidth(int width) { return (width + 7) / 8 * 8; }
 

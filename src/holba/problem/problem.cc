@@ -11,10 +11,12 @@
 
 namespace holba {
 
-int ParameterBlock::FreeTangent() const {
+uint32_t ParameterBlock::FreeMask() const {
   if (constant) return 0;
-  return manifold->tangent - std::popcount(held);
+  return ~held & ((uint32_t{1} << manifold->tangent) - 1);
 }
+
+int ParameterBlock::FreeTangent() const { return std::popcount(FreeMask()); }
 
 BlockId Problem::AddBlock(std::string_view kind, const ManifoldOps& manifold, BlockRole role,
                           std::span<const double> values) {

@@ -26,7 +26,8 @@ struct ParameterBlock {
   bool constant = false;
   uint32_t held = 0;  // bit i: tangent coordinate i stays as it is
 
-  int FreeTangent() const;
+  uint32_t FreeMask() const;  // bit i: tangent coordinate i moves
+  int FreeTangent() const;    // how many of them
 };
 
 class Problem {

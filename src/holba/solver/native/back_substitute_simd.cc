@@ -164,7 +164,7 @@ void ApplyStep(const Panel& panel, int feature_tangent, const double* step,
     for (int k = 0; k < dim; ++k) sum[k] = Broadcast(0.0);
     for (int s = 0; s < panel.num_segments; ++s) {
       const PanelSegment& segment = panel.segments[s];
-      Pack d[kMaxSegmentWidth];
+      Pack d[kMaxBlockWidth];
       for (int c = 0; c < segment.padded; c += 8) LoadRows<8>(step + c, step_base[s] + j, d + c);
       for (int p = 0; p < segment.num_parts; ++p) {
         const PanelSegmentPart& part = segment.parts[p];

@@ -11,8 +11,7 @@ namespace holba::native::HOLBA_SIMD_TARGET {
 using namespace holba::HOLBA_SIMD_TARGET;  // NOLINT: the packs of this target
 
 constexpr int kMaxTangentOfFeature = 6;
-constexpr int kMaxSegmentWidth = 24;
-constexpr int kMaxRow = kFeatureRow + kMaxPanelSegments * kMaxSegmentWidth;
+constexpr int kMaxRow = kFeatureRow + kMaxPanelSegments * kMaxBlockWidth;
 constexpr int kFeaturePacks = kFeatureRow / kLanes;
 
 HOLBA_SIMD_INLINE int Min(int a, int b) { return a < b ? a : b; }

@@ -11,12 +11,6 @@
 #include "holba/solver/native/normal_equations_data.h"
 
 namespace holba::native {
-namespace {
-
-constexpr size_t RoundUp(size_t n, size_t unit) { return (n + unit - 1) / unit * unit; }
-
-}  // namespace
-
 NormalEquations::NormalEquations() = default;
 NormalEquations::~NormalEquations() = default;
 
@@ -41,7 +35,7 @@ ChunkFeatures NormalEquations::FeaturesOf(const Chunk& chunk, const SliceData& s
   ChunkFeatures out;
   out.tangent = chunk.feature_tangent;
   out.count = chunk.feature_end - chunk.feature_begin;
-  out.stride = RoundUp(out.count, kPanelLanes);
+  out.stride = FeatureStride(out.count);
   out.clique = structure_.feature_clique.data() + chunk.feature_begin;
   out.clique_begin = structure_.cliques.begin.data();
   out.clique_nodes = structure_.cliques.nodes.data();

@@ -110,6 +110,11 @@ constexpr size_t PanelStride(size_t count) {
   return (count + kPanelLanes - 1) / kPanelLanes / 2 * 2 * kPanelLanes + kPanelLanes;
 }
 
+// Of the factors of so many features.
+constexpr size_t FeatureStride(size_t count) {
+  return (count + kPanelLanes - 1) / kPanelLanes * kPanelLanes;
+}
+
 struct Structure {
   // Nodes: poses (and what merged with them) first, then the border: nodes that several poses see.
   std::vector<KeptBlock> kept;  // by block id; node == kNone: constant or a feature
