@@ -181,6 +181,7 @@ class Adjuster {
     }
     WriteBack(bundle, &model_);
 
+    summary_.filter = std::move(filter);
     summary_.auto_scales = scales_.scales();
     summary_.auto_sigmas = scales_.sigmas();
     // Costs before, with the losses and associations of the end.

@@ -27,6 +27,7 @@ struct BundleSummary {
   // What the gate found in its last round; empty if there was nothing to test or it was off.
   std::map<std::string, AssociationCount> associations;
   size_t groups_dropped = 0;
+  AssociationFilter filter;  // which those were
 };
 
 // Called at the start of each round with a sentence about it, for logs.

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/bundle/uncertainty.h"
+
+#include <cmath>
+
+#include "holba/bundle/bundle_problem.h"
+#include "holba/geometry/manifold.h"
+#include "holba/solver/covariance.h"
+
+namespace holba {
+namespace {
+
+// d(plain parameters of the file) / d(tangent of the parameters in memory), by central differences:
+// files hold smooth functions of what is in memory.
+Eigen::MatrixXd FileParamsByTangent(const GroupType& type, const double* g) {
+  constexpr double kStep = 1e-6;
+  const int tangent = type.manifold->tangent;
+  Eigen::MatrixXd J(type.num_file_params, tangent);
+  for (int c = 0; c < tangent; ++c) {
+    Eigen::VectorXd delta = Eigen::VectorXd::Zero(tangent), plain[2];
+    for (int side = 0; side < 2; ++side) {
+      double moved[kMaxGroupParams];
+      delta[c] = side == 0 ? -kStep : kStep;
+      type.manifold->plus(g, delta.data(), moved);
+      plain[side].resize(type.num_file_params);
+      type.to_file(moved, plain[side].data());
+    }
+    J.col(c) = (plain[1] - plain[0]) / (2.0 * kStep);
+  }
+  return J;
+}
+
+}  // namespace
+
+std::optional<ModelUncertainty> EstimateUncertainty(const Reconstruction& model,
+                                                    const BundleOptions& given,
+                                                    const BundleSummary& summary,
+                                                    std::span<const GroupMeasurement> measurements,
+                                                    int num_threads) {
+  BundleOptions options = given;
+  options.SetDefaultLosses(false);
+  BundleProblem bundle = BuildProblem(model, options, measurements, &summary.filter);
+  for (const auto& batch : bundle.problem.batches()) {
+    const auto scale = summary.auto_scales.find(batch->term());
+    if (scale != summary.auto_scales.end()) batch->loss = {LossType::kCauchy, scale->second};
+  }
+  const Problem& problem = bundle.problem;
+  const std::optional<Covariance> covariance = Covariance::Compute(problem, num_threads);
+  if (!covariance) return std::nullopt;
+
+  ModelUncertainty result;
+  result.sigma_px = RobustSigma(problem, "point");
+  if (!(result.sigma_px > 0.0)) result.sigma_px = RobustSigma(problem, "line");
+  const double variance = result.sigma_px * result.sigma_px;
+  for (const auto& [id, block] : bundle.poses) {
+    const Eigen::MatrixXd C = variance * covariance->Of(block);
+    if (C.allFinite()) result.poses[id] = C;
+  }
+  for (const auto& [id, block] : bundle.points) {
+    const Eigen::MatrixXd C = variance * covariance->Of(block);
+    if (C.allFinite()) result.points[id] = C;
+  }
+  for (const auto& [id, block] : bundle.lines) {
+    const Eigen::MatrixXd C = variance * covariance->Of(block);
+    if (!C.allFinite()) continue;
+    const double* v = problem.values(block);
+    const Eigen::Vector3d d(v[0], v[1], v[2]), anchor(v[3], v[4], v[5]);
+    const Eigen::Matrix<double, 3, 2> basis = TangentBasis(d);
+    const auto at = [&](const Eigen::Vector3d& X) -> Eigen::Matrix3d {
+      Eigen::Matrix<double, 3, 4> J;
+      J << d.dot(X - anchor) * basis, basis;
+      return J * C * J.transpose();
+    };
+    const Line3D& line = model.lines3D.at(id);
+    result.lines[id] = {at(line.start), at(line.end)};
+  }
+  for (const auto& [id, block] : bundle.groups) {
+    const Eigen::MatrixXd C = variance * covariance->Of(block);
+    if (!C.allFinite()) continue;
+    const Eigen::MatrixXd J =
+        FileParamsByTangent(*model.groups3D.at(id).type, problem.values(block));
+    result.groups[id] = J * C * J.transpose();
+  }
+  return result;
+}
+
+}  // namespace holba
