@@ -32,7 +32,7 @@ constexpr double kMaxVerticalAngleDeg = 30.0;
 constexpr double kMaxVerticalPlaneCosine = 0.34;
 // Longest edge of a plane's region in units of the median of its triangles' shortest edges, and
 // bounds of it as parts of the picture's diagonal.
-constexpr double kMaxRegionEdge = 6.0, kMinRegionEdgePart = 0.045, kMaxRegionEdgePart = 0.12;
+constexpr double kMaxRegionEdge = 5.0, kMinRegionEdgePart = 0.045, kMaxRegionEdgePart = 0.09;
 constexpr double kRegionOpacity = 0.45;
 constexpr int kShift = 4;  // positions in sixteenths of a pixel
 

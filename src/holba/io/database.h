@@ -130,7 +130,8 @@ class Database {
   std::map<image_t, DatabaseImage> ReadImages() const;
   std::optional<image_t> FindImage(const std::string& name) const;
   // Adds it under this id, or (empty) under a new one. Returns the id. An image needs its camera,
-  // and gets a trivial rig and frame where the database keeps them (COLMAP 3.12 and later).
+  // and gets a trivial rig and frame if the database's other images have theirs (COLMAP 3.12 and
+  // later).
   camera_t AddCamera(std::optional<camera_t> camera_id, const DatabaseCamera& camera);
   image_t AddImage(std::optional<image_t> image_id, const DatabaseImage& image);
 
@@ -206,7 +207,9 @@ class Database {
   [[noreturn]] void FailRow(const std::string& table, const std::string& key,
                             const std::string& message) const;
 
-  // Rigs and frames; AddFrame and AddRig do nothing where the database keeps none.
+  // COLMAP takes frames for all images or for none: databases from before 3.12 have none, also when
+  // a later COLMAP has made the tables for them.
+  bool EveryImageHasAFrame() const;
   std::optional<rig_t> FindRigOfCamera(camera_t camera_id) const;
   rig_t RigOfCamera(camera_t camera_id);  // found, or a new trivial one
   void AddFrame(const std::vector<std::pair<image_t, camera_t>>& images);

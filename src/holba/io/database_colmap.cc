@@ -147,8 +147,9 @@ image_t Database::InsertImage(std::optional<image_t> image_id, const DatabaseIma
 
 image_t Database::AddImage(std::optional<image_t> image_id, const DatabaseImage& image) {
   Transaction transaction(this);
+  const bool keeps_frames = EveryImageHasAFrame();
   const image_t added = InsertImage(image_id, image);
-  AddFrame({{added, image.camera_id}});
+  if (keeps_frames) AddFrame({{added, image.camera_id}});
   transaction.Commit();
   return added;
 }

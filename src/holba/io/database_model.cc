@@ -44,8 +44,15 @@ rig_t Database::RigOfCamera(camera_t camera_id) {
   return static_cast<rig_t>(sqlite3_last_insert_rowid(handle_));
 }
 
+bool Database::EveryImageHasAFrame() const {
+  if (!has_rigs_) return false;
+  Statement missing(*this,
+                    "SELECT image_id FROM images WHERE image_id NOT IN (SELECT data_id FROM "
+                    "frame_data WHERE sensor_type = ?)");
+  return !missing.Integer(kCamera).Step();
+}
+
 void Database::AddFrame(const std::vector<std::pair<image_t, camera_t>>& images) {
-  if (!has_rigs_) return;
   std::map<rig_t, std::vector<std::pair<image_t, camera_t>>> by_rig;
   for (const auto& image : images) by_rig[RigOfCamera(image.second)].push_back(image);
   for (const auto& [rig_id, of_rig] : by_rig) {
@@ -65,7 +72,7 @@ void Database::AddFrame(const std::vector<std::pair<image_t, camera_t>>& images)
 }
 
 void Database::AddRig(const Rig& rig, const std::map<camera_t, camera_t>& database_camera) {
-  if (!has_rigs_ || !rig.ref_sensor) return;
+  if (!rig.ref_sensor) return;
   std::vector<Rig::Sensor> sensors = {{*rig.ref_sensor, std::nullopt}};
   sensors.insert(sensors.end(), rig.sensors.begin(), rig.sensors.end());
   for (Rig::Sensor& sensor : sensors) {
@@ -149,7 +156,10 @@ std::map<image_t, image_t> Database::MatchImages(const Reconstruction& model) {
   std::map<std::string, image_t> ids_by_name;
   for (const auto& [image_id, image] : images) ids_by_name.emplace(image.name, image_id);
   const std::map<camera_t, camera_t> database_camera = MatchCameras(model, ids_by_name, images);
-  for (const auto& [rig_id, rig] : model.rigs) AddRig(rig, database_camera);
+  const bool keeps_frames = EveryImageHasAFrame();
+  if (keeps_frames) {
+    for (const auto& [rig_id, rig] : model.rigs) AddRig(rig, database_camera);
+  }
 
   std::map<image_t, image_t> database_image;
   std::map<frame_t, std::vector<std::pair<image_t, camera_t>>> new_images;
@@ -171,7 +181,9 @@ std::map<image_t, image_t> Database::MatchImages(const Reconstruction& model) {
       new_images[image.frame_id].emplace_back(added, camera_id);
     }
   }
-  for (const auto& [frame_id, of_frame] : new_images) AddFrame(of_frame);
+  if (keeps_frames) {
+    for (const auto& [frame_id, of_frame] : new_images) AddFrame(of_frame);
+  }
 
   for (const auto& [image_id, image] : model.images) {
     const image_t id = database_image.at(image_id);

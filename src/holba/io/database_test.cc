@@ -148,6 +148,18 @@ TEST(Database, GivesEachNewImageARigAndAFrame) {
   }
 }
 
+// COLMAP 4 refuses a database in which some images have frames and others none.
+TEST(Database, GivesNoFramesWhereOtherImagesHaveNone) {
+  const TestFolder folder;
+  Database database(folder / "a.db");
+  AddImages(1, &database);
+  database.Execute("DELETE FROM frames; DELETE FROM rigs");  // as an older COLMAP left it
+  database.AddImage(2, {"2.jpg", 1});
+  EXPECT_NO_THROW(
+      database.Execute("CREATE TABLE none(n CHECK(n = 0)); "
+                       "INSERT INTO none SELECT COUNT(*) FROM frames"));
+}
+
 TEST(Database, UndoesATransactionThatIsNotCommitted) {
   const TestFolder folder;
   Database database(folder / "a.db");
