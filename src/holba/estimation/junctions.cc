@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "holba/base/threads.h"
+#include "holba/estimation/point_on_line.h"
 #include "holba/estimation/point_triangulation.h"
 #include "holba/scene/ideal_view.h"
 
@@ -32,6 +33,7 @@ struct Contact {
   uint32_t line1, line2;  // line1 < line2
   uint32_t image;
   double overshoot_px;          // of both together
+  bool is_corner;               // both end there: neither runs on, as a line that covers another
   uint32_t segment1, segment2;  // positions in the image's list
 };
 
@@ -47,6 +49,12 @@ std::optional<Eigen::Vector2d> Intersection(const Segment& s1, const Segment& s2
 double Overshoot(const Segment& s, const Eigen::Vector2d& x) {
   const double u = s.along.dot(x - s.ideal.start);
   return std::max({0.0, -u, u - s.length});
+}
+
+// Distance of a place on the segment's line from the nearer end.
+double DistanceToEnd(const Segment& s, const Eigen::Vector2d& x) {
+  const double u = s.along.dot(x - s.ideal.start);
+  return std::min(std::abs(u), std::abs(u - s.length));
 }
 
 std::vector<Segment> SegmentsOfLines(const Reconstruction& model, const Image& image,
@@ -96,6 +104,8 @@ std::vector<Contact> FindContacts(const std::vector<Segment>& segments, uint32_t
                       .line2 = s2.line,
                       .image = image,
                       .overshoot_px = overshoot1 + overshoot2,
+                      .is_corner = std::max(DistanceToEnd(s1, *x), DistanceToEnd(s2, *x)) <=
+                                   options.max_overshoot_px,
                       .segment1 = order[a],
                       .segment2 = order[b]};
       if (contact.line1 > contact.line2) {
@@ -113,6 +123,7 @@ struct LinePair {
   uint32_t line1, line2;
   std::vector<Contact> contacts;
   Eigen::Vector3d xyz = Eigen::Vector3d::Zero();
+  bool is_uncertain = false;  // wider apart than the gap, where their covariances allow it
 };
 
 // Several pairs at one place.
@@ -126,6 +137,7 @@ class JunctionFinder {
  public:
   JunctionFinder(const JunctionOptions& options, int num_threads, const Reconstruction& model)
       : options_(options),
+        in_space_{options.max_gap_gsd, options.max_uncertain_gap_gsd, options.sigma_px},
         num_threads_(num_threads),
         model_(model),
         views_(AllIdealViews(model)),
@@ -152,7 +164,9 @@ class JunctionFinder {
     point3D_t next_id = NextPoint3DId(*model);
     for (const auto& found : found_) {
       if (!found) continue;
-      Junction junction{.point3D_id = next_id++, .num_images = found->observations.size()};
+      Junction junction{.point3D_id = next_id++,
+                        .num_images = found->observations.size(),
+                        .is_uncertain = found->is_uncertain};
       Eigen::Vector3d rgb = Eigen::Vector3d::Zero();
       for (uint32_t line : found->lines) {
         const auto& [line3D_id, line3D] = model->lines3D.begin()[line];
@@ -174,6 +188,7 @@ class JunctionFinder {
  private:
   struct Found {
     Eigen::Vector3d xyz;
+    bool is_uncertain = false;
     std::vector<uint32_t> lines;
     std::vector<std::pair<image_t, Eigen::Vector2d>> observations;  // pixels of the photographs
   };
@@ -248,8 +263,23 @@ class JunctionFinder {
       const double gap =
           std::abs(line1.direction.dot(line2.moment) + line2.direction.dot(line1.moment)) /
           line1.direction.cross(line2.direction).norm();
-      if (gap * PixelsPerLength(views, pair.xyz) > options_.max_gap_gsd) {
+      const double pixels_per_length = PixelsPerLength(views, pair.xyz);
+      if (gap * pixels_per_length <= options_.max_gap_gsd) return;
+      pair.is_uncertain = true;
+      const auto num_corners =
+          static_cast<size_t>(std::count_if(pair.contacts.begin(), pair.contacts.end(),
+                                            [](const Contact& c) { return c.is_corner; }));
+      if (num_corners < triangulation_.min_num_views) {
         reasons[i] = "pairs of lines that pass each other in space";
+        return;
+      }
+      for (uint32_t line : {pair.line1, pair.line2}) {
+        if (TestPointOnLine(model_, views_, in_space_, pair.xyz, point->covariance_1px,
+                            pixels_per_length,
+                            model_.lines3D.begin()[line].second) == PointOnLine::kApart) {
+          reasons[i] = "pairs of lines that pass each other in space";
+          return;
+        }
       }
     });
     size_t i = 0;
@@ -354,6 +384,12 @@ class JunctionFinder {
     return Eigen::Vector2d(*near + A.inverse() * b);
   }
 
+  static bool HasUncertainPair(const Cluster& cluster, uint32_t line) {
+    return std::any_of(cluster.pairs.begin(), cluster.pairs.end(), [&](const LinePair* pair) {
+      return pair->is_uncertain && (pair->line1 == line || pair->line2 == line);
+    });
+  }
+
   // Without the lines that pass beside it, the worst first: they take part in the intersections.
   std::optional<Found> TriangulateCluster(Cluster cluster,
                                           std::map<std::string, size_t>* dropped) const {
@@ -365,17 +401,24 @@ class JunctionFinder {
         return std::nullopt;
       }
       const double pixels_per_length = PixelsPerLength(seen.views, point->xyz);
-      size_t worst = 0;
-      double worst_gsd = 0.0;
-      for (size_t i = 0; i < cluster.lines.size(); ++i) {
-        const double gsd = LineOf(cluster.lines[i]).Distance(point->xyz) * pixels_per_length;
-        if (gsd > worst_gsd) {
-          worst_gsd = gsd;
-          worst = i;
+      std::optional<uint32_t> worst;
+      double worst_gsd = options_.max_gap_gsd;
+      bool is_uncertain = false;
+      for (uint32_t line : cluster.lines) {
+        const Line3D& line3D = model_.lines3D.begin()[line].second;
+        const double gsd = line3D.line.Distance(point->xyz) * pixels_per_length;
+        if (gsd <= worst_gsd) continue;
+        if (HasUncertainPair(cluster, line) &&
+            TestPointOnLine(model_, views_, in_space_, point->xyz, point->covariance_1px,
+                            pixels_per_length, line3D) != PointOnLine::kApart) {
+          is_uncertain = true;
+          continue;
         }
+        worst_gsd = gsd;
+        worst = line;
       }
-      if (worst_gsd > options_.max_gap_gsd) {
-        const uint32_t line = cluster.lines[worst];
+      if (worst) {
+        const uint32_t line = *worst;
         ++(*dropped)["lines that pass beside their junction"];
         std::erase_if(cluster.pairs, [&](const LinePair* pair) {
           return pair->line1 == line || pair->line2 == line;
@@ -391,14 +434,15 @@ class JunctionFinder {
         }
         continue;
       }
-      return Observe(cluster, seen, *point, dropped);
+      return Observe(cluster, seen, *point, is_uncertain, dropped);
     }
   }
 
   std::optional<Found> Observe(const Cluster& cluster, const ClusterViews& seen,
-                               const TriangulatedPoint& point,
+                               const TriangulatedPoint& point, bool is_uncertain,
                                std::map<std::string, size_t>* dropped) const {
-    Found found{.xyz = point.xyz, .lines = cluster.lines, .observations = {}};
+    Found found{
+        .xyz = point.xyz, .is_uncertain = is_uncertain, .lines = cluster.lines, .observations = {}};
     for (size_t i = 0; i < seen.views.size(); ++i) {
       const PointView& at = seen.views[i];
       const auto pixel = at.view->ToPixel(at.ideal);
@@ -420,6 +464,7 @@ class JunctionFinder {
   }
 
   const JunctionOptions& options_;
+  const PointOnLineOptions in_space_;
   const int num_threads_;
   const Reconstruction& model_;
   PointTriangulationOptions triangulation_;
@@ -440,6 +485,10 @@ void JunctionOptions::Describe(OptionTable* table) {
                "Images in which two lines must meet.");
   table->Field("max_gap_gsd", &max_gap_gsd, GreaterThan(0),
                "Farthest distance between lines that meet, in pixels of the nearest view.");
+  table->Field("max_uncertain_gap_gsd", &max_uncertain_gap_gsd, AtLeast(0),
+               "The same where covariances allow it and both lines end at the junction.");
+  table->Field("sigma_px", &sigma_px, GreaterThan(0),
+               "Standard deviation of ends of segments in that test, pixels.");
   table->Field("max_error_px", &max_error_px, GreaterThan(0),
                "Largest reprojection error of an observation of a junction.");
   table->Field("min_triangulation_angle_deg", &min_triangulation_angle_deg, Between(0, 90),

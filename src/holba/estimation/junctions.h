@@ -26,6 +26,10 @@ struct JunctionOptions {
   int min_num_images = 4;
   // Distance between the lines, and of the point from each line, in pixels of the nearest view.
   double max_gap_gsd = 2.0;
+  // So far from a line where the covariances of point and line allow it (99 %), if in enough images
+  // both segments end at the junction. Where one runs on, it may as well cover the other.
+  double max_uncertain_gap_gsd = 10.0;
+  double sigma_px = 0.5;  // of the ends of segments, in those covariances
   // Of an observation, from the projection of its point.
   double max_error_px = 2.0;
   double min_triangulation_angle_deg = 1.5;
@@ -37,6 +41,7 @@ struct Junction {
   point3D_t point3D_id = kNoId;
   std::vector<line3D_t> line3D_ids;  // ascending, two or more
   size_t num_images = 0;             // that observe it
+  bool is_uncertain = false;         // farther than max_gap_gsd from a line
 };
 
 struct JunctionReport {

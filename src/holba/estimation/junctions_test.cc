@@ -153,6 +153,41 @@ TEST_F(TwoLines, SeveralSegmentsOfALineInAnImageGiveOneObservation) {
   EXPECT_EQ(report.num_observations, 6u);
 }
 
+// Level cameras that move along x see a level line, whose depth they hardly know: it is moved back
+// by 0.1, 9 GSD, in the plane through their centres. `rising` of an upright line's length is above
+// it.
+JunctionReport JunctionsOfALevelLine(double rising, double back, Reconstruction* model) {
+  for (auto& [image_id, image] : model->images) {
+    const Eigen::Vector3d centre(1.0 * image_id - 2.5, 0, -8.0);
+    model->SetFramePose(image.frame_id, {Eigen::Quaterniond::Identity(), -centre});
+  }
+  AddLineWithSegments({0, 0.5, 0}, {2, 0.5, 0}, 1.0, 0.0, model);
+  AddLineWithSegments({0, 0.5 - rising, 0}, {0, 1.5 - rising, 0}, 1.0, 0.0, model);
+  const double y = 0.5 * (8.0 + back) / 8.0;
+  model->lines3D.at(1).line = PlueckerLine::FromPoints({0, y, back}, {2, y, back});
+  return TriangulateJunctions({}, 1, model);
+}
+
+TEST(Junctions, OfALineOfWeakDepthAreThereWhereBothLinesEnd) {
+  Reconstruction corner = ArcOfCameras(6);
+  const JunctionReport report = JunctionsOfALevelLine(0.0, 0.1, &corner);
+  ASSERT_EQ(report.junctions.size(), 1u);
+  EXPECT_TRUE(report.junctions[0].is_uncertain);
+  EXPECT_LT((corner.points3D.at(1).xyz - Eigen::Vector3d(0, 0.5, 0)).norm(), 1e-9);
+
+  // An upright line that runs on may be a post before a wall.
+  Reconstruction post = ArcOfCameras(6);
+  EXPECT_TRUE(JunctionsOfALevelLine(0.5, 0.1, &post).junctions.empty());
+  // As near as others need no such care.
+  Reconstruction near = ArcOfCameras(6);
+  const JunctionReport certain = JunctionsOfALevelLine(0.5, 0.01, &near);
+  ASSERT_EQ(certain.junctions.size(), 1u);
+  EXPECT_FALSE(certain.junctions[0].is_uncertain);
+  // Too far for a line without depth.
+  Reconstruction far = ArcOfCameras(6);
+  EXPECT_TRUE(JunctionsOfALevelLine(0.0, 0.2, &far).junctions.empty());
+}
+
 TEST(Junctions, OnARowOfNarrowBarsStayApart) {
   // Bars every 3 px along a rail: each meets it at a place of its own.
   Reconstruction model = ArcOfCameras(6);

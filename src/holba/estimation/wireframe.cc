@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/estimation/wireframe.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -11,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "holba/estimation/point_on_line.h"
 #include "holba/estimation/point_triangulation.h"
 #include "holba/scene/ideal_view.h"
 
@@ -28,7 +28,10 @@ struct Meeting {
 class WireframeFormer {
  public:
   WireframeFormer(const WireframeOptions& options, Reconstruction* model)
-      : options_(options), model_(model), views_(AllIdealViews(*model)) {}
+      : options_(options),
+        in_space_{options.max_gap_gsd, options.max_uncertain_gap_gsd, options.sigma_px},
+        model_(model),
+        views_(AllIdealViews(*model)) {}
 
   WireframeReport Form() {
     std::vector<Meeting> meetings;
@@ -133,31 +136,17 @@ class WireframeFormer {
     const std::vector<PointView> views = ViewsOf(point);
     const double pixels_per_length = PixelsPerLength(views, point.xyz);
     if (!(pixels_per_length > 0.0)) return "behind the cameras";
-    const Eigen::Vector3d nearest = line.line.ClosestPoint(point.xyz);
-    const Eigen::Vector3d gap = point.xyz - nearest;
-    const double gap_gsd = gap.norm() * pixels_per_length;
-    if (gap_gsd <= options_.max_gap_gsd) return nullptr;
-    constexpr const char* kApart = "apart in space";
-    if (gap_gsd > options_.max_uncertain_gap_gsd) return kApart;
-    const Across across = BasisAcross(line.line.direction);
-    const auto of_point = PointCovariance(views, point.xyz);
-    const auto of_line = LineCovariance(line, nearest, across);
-    if (!of_point || !of_line) return kApart;
-    const Eigen::Matrix2d covariance = options_.sigma_px * options_.sigma_px *
-                                       (across.transpose() * *of_point * across + *of_line);
-    const Eigen::Vector2d at = across.transpose() * gap;
-    constexpr double kChiSquare99 = 9.21;  // two degrees of freedom
-    if (!(at.dot(covariance.ldlt().solve(at)) < kChiSquare99)) return kApart;
-    ++report_.num_uncertain;
+    switch (TestPointOnLine(*model_, views_, in_space_, point.xyz,
+                            PointCovariance(views, point.xyz), pixels_per_length, line)) {
+      case PointOnLine::kApart:
+        return "apart in space";
+      case PointOnLine::kAllowed:
+        ++report_.num_uncertain;
+        break;
+      case PointOnLine::kNear:
+        break;
+    }
     return nullptr;
-  }
-
-  using Across = Eigen::Matrix<double, 3, 2>;
-  static Across BasisAcross(const Eigen::Vector3d& direction) {
-    Across basis;
-    basis.col(0) = direction.unitOrthogonal();
-    basis.col(1) = direction.cross(basis.col(0)).normalized();
-    return basis;
   }
 
   std::vector<PointView> ViewsOf(const Point3D& point) const {
@@ -169,48 +158,6 @@ class WireframeFormer {
       if (x && view.Depth(point.xyz) > 0.0) result.push_back({&view, *x});
     }
     return result;
-  }
-
-  // Of the line's place across its direction, at its point `anchor`, for ends of segments with one
-  // pixel standard deviation across the segment. Unknowns: the shift at the anchor and the shift
-  // per length along the line; each end of a segment measures their sum at its place, in the image
-  // across the segment.
-  std::optional<Eigen::Matrix2d> LineCovariance(const Line3D& line, const Eigen::Vector3d& anchor,
-                                                const Across& across) const {
-    const Eigen::Vector3d& d = line.line.direction;
-    Eigen::Matrix4d A = Eigen::Matrix4d::Zero();
-    for (const LineObservation& observation : line.track) {
-      const IdealView& view = views_[model_->images.IndexOf(observation.image_id)];
-      const auto segment = view.ToIdeal(
-          model_->images.at(observation.image_id).lines2D.at(observation.line2D_idx).segment);
-      const auto l = view.Project(line.line);
-      if (!segment || !l) continue;
-      for (const Eigen::Vector2d& end : {segment->start, segment->end}) {
-        // The point of the line nearest to the ray of the end.
-        const Eigen::Vector3d ray = view.Ray(end), from = view.centre() - anchor;
-        const double cosine = d.dot(ray), determinant = 1.0 - cosine * cosine;
-        if (!(determinant > 1e-12)) continue;
-        const double s = (d.dot(from) - cosine * ray.dot(from)) / determinant;
-        const Eigen::Vector3d X = anchor + s * d;
-        if (!(view.Depth(X) > 0.0)) continue;
-        const Eigen::RowVector2d at_anchor =
-            l->head<2>().transpose() * ProjectionJacobian(view, X) * across;
-        Eigen::RowVector4d J;
-        J << at_anchor, s * at_anchor;
-        A += J.transpose() * J;
-      }
-    }
-    // Scaled to a unit diagonal: shifts and slopes have different units.
-    const Eigen::Vector4d scale = A.diagonal().cwiseSqrt();
-    if (!(scale.minCoeff() > 0.0)) return std::nullopt;
-    const Eigen::Matrix4d scaled =
-        scale.cwiseInverse().asDiagonal() * A * scale.cwiseInverse().asDiagonal();
-    // A line in one plane with all cameras is free to turn in it: 1e4 standard deviations of a
-    // single observation stand for that.
-    const Eigen::LDLT<Eigen::Matrix4d> ldlt(scaled + 1e-8 * Eigen::Matrix4d::Identity());
-    const Eigen::Matrix4d inverse = ldlt.solve(Eigen::Matrix4d::Identity());
-    const Eigen::Vector2d unit = scale.head<2>().cwiseInverse();
-    return Eigen::Matrix2d(unit.asDiagonal() * inverse.topLeftCorner<2, 2>() * unit.asDiagonal());
   }
 
   void Count() {
@@ -231,6 +178,7 @@ class WireframeFormer {
   }
 
   const WireframeOptions& options_;
+  const PointOnLineOptions in_space_;
   Reconstruction* model_;
   const std::vector<IdealView> views_;  // by position of the image
   WireframeReport report_;
