@@ -259,9 +259,9 @@ class PlaneFinder {
     return largest;
   }
 
-  std::optional<PlaneParams> Sample(uint32_t seed, Random* random) const {
+  std::optional<PlaneParams> Sample(uint32_t seed, bool by_vps, Random* random) const {
     PlaneParams plane;
-    if (!vp_normals_.empty() && random->Index(4) == 0) {
+    if (by_vps) {
       plane.n = vp_normals_[random->Index(vp_normals_.size())];
     } else {
       // Near ones for small planes, all of the neighbourhood for a better base.
@@ -312,7 +312,9 @@ class PlaneFinder {
 
   // Hypotheses for all planes at once: every point is the seed of some.
   void SampleAll() {
-    const size_t per_point = static_cast<size_t>(options_.samples_per_point);
+    // The vanishing points' normals come on top: they take nothing from planes of other directions.
+    const size_t by_points = static_cast<size_t>(options_.samples_per_point);
+    const size_t per_point = by_points + (vp_normals_.empty() ? 0 : 1);
     std::vector<std::optional<PlaneParams>> samples(points_.size() * per_point);
     std::vector<double> scores(samples.size());
     ParallelFor(options_.num_threads, points_.size(), [&](size_t begin, size_t end) {
@@ -320,7 +322,7 @@ class PlaneFinder {
         if (!is_free_[i]) continue;
         Random random(options_.seed + i);
         for (size_t k = i * per_point; k < (i + 1) * per_point; ++k) {
-          samples[k] = Sample(static_cast<uint32_t>(i), &random);
+          samples[k] = Sample(static_cast<uint32_t>(i), k >= i * per_point + by_points, &random);
           if (samples[k]) scores[k] = Score(free_, *samples[k]);
         }
       }

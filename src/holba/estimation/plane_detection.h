@@ -33,8 +33,8 @@ struct PlaneOptions {
   // Mean share, over the members, of the 12 nearest points that are members too: 0.6 to 0.94 on
   // facades, roofs and tables, 0.37 to 0.57 in bushes and clutter.
   double min_share = 0.6;
-  // Hypotheses that start at each point: with two of its neighbours, or with a normal from the
-  // vanishing points.
+  // Hypotheses that start at each point with two of its neighbours; where the model has vanishing
+  // points, one more has a normal from them.
   int samples_per_point = 2;
   int max_planes = 100;
   // Two planes nearer than this in direction become one if one plane explains the points of both.
