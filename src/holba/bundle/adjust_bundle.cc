@@ -5,10 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
+#include "holba/bundle/camera_shift.h"
 
 namespace holba {
 namespace {
@@ -26,6 +28,8 @@ constexpr int kMaxRounds = 12;
 // A round before the last need not converge: it only has to bring the residuals near.
 constexpr int kRoundIterations = 15;
 constexpr double kRoundTolerance = 1e-4;
+// Above so many frames the cameras' covariances cost more than the adjustment.
+constexpr size_t kMaxFramesOfReference = 2000;
 
 double Median(std::vector<double>* values) {
   if (values->empty()) return 0.0;
@@ -51,8 +55,9 @@ void Accumulate(const SolverSummary& round, SolverSummary* sum) {
   *sum = std::move(merged);
 }
 
-// Terms whose loss scale is measured. Scales outlive a problem: the next one begins where the last
-// ended.
+// Terms whose loss scale is measured, and the weight of angular terms, which follows the noise in
+// pixels: cost in px^2 is noise^2 times a chi-square, so a variance in an angle needs that factor
+// to weigh what it says. Scales outlive a problem: the next one begins where the last ended.
 class AutoScales {
  public:
   explicit AutoScales(const BundleOptions& options) : options_(options) {}
@@ -61,8 +66,10 @@ class AutoScales {
   bool Begin(const Problem& problem) {
     bool fresh = false;
     terms_.clear();
+    angular_.clear();
     for (const auto& batch : problem.batches()) {
       const std::string& term = batch->term();
+      if (batch->angular) angular_.emplace_back(batch.get(), batch->weight);
       if (options_[FamilyOf(term)].loss != LossChoice::kAuto || term.ends_with("_3d") ||
           terms_.contains(term))
         continue;
@@ -102,6 +109,18 @@ class AutoScales {
       if (terms_.contains(batch->term()))
         batch->loss = {LossType::kCauchy, scales_.at(batch->term())};
     }
+    for (const auto& [batch, weight] : angular_) batch->weight = AngularFactor() * weight;
+  }
+  // Variance of the noise of one coordinate, px^2, where it is measured; 1: the weights of angular
+  // terms as they are.
+  double AngularFactor() const {
+    for (const char* term : {"point", "line"}) {
+      const auto sigma = sigmas_.find(term);
+      if (sigma == sigmas_.end()) continue;
+      const double least = options_.auto_min_scale_px / options_.auto_num_sigmas;
+      return std::pow(std::max(sigma->second, least), 2);
+    }
+    return 1.0;
   }
 
  private:
@@ -113,7 +132,8 @@ class AutoScales {
   }
 
   const BundleOptions& options_;
-  std::set<std::string> terms_;  // of the problem at hand
+  std::set<std::string> terms_;                             // of the problem at hand
+  std::vector<std::pair<ResidualBatch*, double>> angular_;  // of it, with their weights as given
   std::map<std::string, double> scales_;
   std::map<std::string, double> sigmas_;
 };
@@ -170,20 +190,31 @@ class Adjuster {
 
   BundleSummary Run() {
     const std::vector<double> start = BuildProblem(model_, options_, measurements_).problem.state();
+    SetReference();
     AssociationFilter filter;
-    if (HasAssociations()) filter = Gate();
-    BundleProblem bundle = BuildProblem(model_, options_, measurements_, &filter);
-    Anneal(&bundle.problem);
-    if (stopped_) {
-      SetTerms(bundle.problem, &summary_.solver.final_terms, &summary_.solver.final_cost);
-    } else {
-      Solve(solver_options_, &bundle.problem);
+    if (HasAssociations()) {
+      AdjustLines();
+      filter = Gate();
     }
+    const auto adjust = [&] {
+      BundleProblem bundle = BuildProblem(model_, options_, measurements_, &filter);
+      Anneal(&bundle.problem);
+      if (!stopped_) Solve(solver_options_, &bundle.problem);
+      return bundle;
+    };
+    BundleProblem bundle = adjust();
+    if (Contradicts(bundle)) {
+      HoldCameras();
+      bundle = adjust();
+    }
+    if (stopped_)
+      SetTerms(bundle.problem, &summary_.solver.final_terms, &summary_.solver.final_cost);
     WriteBack(bundle, &model_);
 
     summary_.filter = std::move(filter);
     summary_.auto_scales = scales_.scales();
     summary_.auto_sigmas = scales_.sigmas();
+    summary_.angular_weight_factor = scales_.AngularFactor();
     // Costs before, with the losses and associations of the end.
     bundle.problem.state() = start;
     SetTerms(bundle.problem, &summary_.solver.initial_terms, &summary_.solver.initial_cost);
@@ -202,17 +233,69 @@ class Adjuster {
            (!model_.groups3D.empty() || !model_.wireframe.empty());
   }
 
-  // Points and lines alone, then rounds of testing and adjusting. Leaves the model near the optimum
-  // of the associations that it returns.
+  // Points alone, where that says how sure the cameras are and something else could move them.
+  void SetReference() {
+    if (options_.max_camera_shift_sigmas <= 0.0 || options_.config == BundleConfig::kPoint ||
+        options_.fix_poses || options_.fix_points || options_.gauge != Gauge::kTwoCams ||
+        model_.points3D.empty() || model_.frames.size() > kMaxFramesOfReference)
+      return;
+    BundleOptions points_only = options_;
+    points_only.config = BundleConfig::kPoint;
+    BundleProblem bundle = BuildProblem(model_, points_only);
+    Anneal(&bundle.problem);
+    if (!stopped_) Solve(solver_options_, &bundle.problem);
+    if (stopped_) return;
+    std::optional<CameraReference> reference =
+        CameraReference::Of(bundle, solver_options_.num_threads, &workspace_);
+    if (!reference) return;
+    WriteBack(bundle, &model_);
+    trusted_.emplace(std::move(bundle));
+    reference_ = std::move(reference);
+  }
+
+  // Whether a problem's cameras are farther from those of points alone than these are uncertain.
+  bool Contradicts(const BundleProblem& bundle) {
+    if (!reference_ || stopped_) return false;
+    summary_.camera_shift_sigmas = reference_->ShiftSigmas(bundle);
+    if (log_) {
+      log_(fmt::format("Cameras moved by {:.2f} of their standard deviations from points alone",
+                       *summary_.camera_shift_sigmas));
+    }
+    return *summary_.camera_shift_sigmas > options_.max_camera_shift_sigmas;
+  }
+
+  // Back to the last cameras (and points) that nothing contradicts; there they stay.
+  void HoldCameras() {
+    WriteBack(*trusted_, &model_);
+    options_.fix_poses = true;
+    options_.refine_focal_length = options_.refine_principal_point = options_.refine_extra_params =
+        false;
+    summary_.cameras_held = true;
+    reference_.reset();
+    if (log_) log_("They contradict the points: the cameras stay");
+  }
+
+  // Points and lines alone.
+  void AdjustLines() {
+    BundleOptions features_only = options_;
+    features_only.config = BundleConfig::kPointLine;
+    BundleProblem bundle = BuildProblem(model_, features_only);
+    Anneal(&bundle.problem);
+    if (!stopped_) Solve(solver_options_, &bundle.problem);
+    if (Contradicts(bundle)) {
+      HoldCameras();
+      AdjustLines();
+      return;
+    }
+    WriteBack(bundle, &model_);
+    if (reference_) trusted_.emplace(std::move(bundle));
+  }
+
+  // Rounds of testing and adjusting. Leaves the model near the optimum of the associations that it
+  // returns.
   AssociationFilter Gate() {
     BundleOptions features_only = options_;
     features_only.config = BundleConfig::kPointLine;
-    {
-      BundleProblem bundle = BuildProblem(model_, features_only);
-      Anneal(&bundle.problem);
-      if (!stopped_) Solve(solver_options_, &bundle.problem);
-      WriteBack(bundle, &model_);
-    }
     // Features as seen, at the cameras of the round: without the pull of what is to be tested.
     features_only.fix_poses = true;
     features_only.refine_focal_length = features_only.refine_principal_point =
@@ -274,7 +357,7 @@ class Adjuster {
     ++summary_.rounds;
   }
 
-  const BundleOptions& options_;
+  BundleOptions options_;
   const SolverOptions& solver_options_;
   Reconstruction& model_;
   std::span<const GroupMeasurement> measurements_;
@@ -283,7 +366,9 @@ class Adjuster {
   AutoScales scales_;
   SolverWorkspace workspace_;  // many rounds are of one structure
   BundleSummary summary_;
-  bool stopped_ = false;  // by the caller, or because time is up
+  std::optional<CameraReference> reference_;
+  std::optional<BundleProblem> trusted_;  // the last whose cameras agree with it
+  bool stopped_ = false;                  // by the caller, or because time is up
 };
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -28,6 +29,13 @@ struct BundleSummary {
   std::map<std::string, AssociationCount> associations;
   size_t groups_dropped = 0;
   AssociationFilter filter;  // which those were
+  // How far lines and structure moved the cameras from where points alone have them, in standard
+  // deviations of the latter (camera_shift.h), at the last test; empty: not tested. Too far
+  // (max_camera_shift_sigmas): the cameras were held where lines, or points alone, have them.
+  std::optional<double> camera_shift_sigmas;
+  bool cameras_held = false;
+  // On the weights of terms in angles: the variance of the measured noise in pixels.
+  double angular_weight_factor = 1.0;
 };
 
 // Called at the start of each round with a sentence about it, for logs.

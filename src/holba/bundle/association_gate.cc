@@ -23,6 +23,10 @@ constexpr double kParallelSigmaRad = 0.81 * std::numbers::pi / 180.0;
 constexpr size_t kMinMembers = 5;
 constexpr size_t kMinLinesOfDirection = 3;
 constexpr double kMinShare = 0.25;
+// The scatter of a group's members starts from that of so many that have their noise alone: few
+// members scatter by chance.
+constexpr double kPriorMembers = 10.0;
+constexpr int kMaxHalvings = 6;
 constexpr int kMaxSamples = 200;
 constexpr double kSampleConfidence = 0.999;
 
@@ -88,10 +92,19 @@ double NoisePx(const Problem& problem, const std::string& term, double per_resid
          std::sqrt(coordinates / std::max(redundancy, 1.0));
 }
 
+// Mean square of those values of a normal distribution of this variance that pass a test for
+// variance 1.
+double MeanSquareOfPassed(double variance, double confidence) {
+  const double bound = std::sqrt(ChiSquareQuantile(confidence, 1) / variance);
+  const double density = std::exp(-0.5 * bound * bound) / std::sqrt(2.0 * std::numbers::pi);
+  return variance * (1.0 - 2.0 * bound * density / std::erf(bound / std::numbers::sqrt2));
+}
+
 class Tester {
  public:
   Tester(const Reconstruction& model, const BundleProblem& features, double confidence)
       : model_(model),
+        confidence_(confidence),
         max_chi_square1_(ChiSquareQuantile(confidence, 1)),
         max_chi_square2_(ChiSquareQuantile(confidence, 2)) {
     const Problem& problem = features.problem;
@@ -287,12 +300,15 @@ class Tester {
     Estimate(type, members, &random, g);
 
     size_t accepted = 0;
+    double sum_squares = 0.0;  // of the accepted, for each of their degrees of freedom
     const std::string name(type.name);
     for (const auto& [point_id, point] : members.points) {
       AssociationCount& count = report_.counts[name + " points"];
       ++count.tested;
-      if (ChiSquare(type, g, *point) < max_chi_square1_) {
+      const double chi_square = ChiSquare(type, g, *point);
+      if (chi_square < max_chi_square1_) {
         ++accepted;
+        sum_squares += chi_square;
       } else {
         ++count.rejected;
         report_.filter.points.emplace(id, point_id);
@@ -301,8 +317,10 @@ class Tester {
     for (const auto& [line_id, line] : members.lines) {
       AssociationCount& count = report_.counts[name + " lines"];
       ++count.tested;
-      if (ChiSquare(type, g, *line) < max_chi_square2_) {
+      const double chi_square = ChiSquare(type, g, *line);
+      if (chi_square < max_chi_square2_) {
         ++accepted;
+        sum_squares += 0.5 * chi_square;
       } else {
         ++count.rejected;
         report_.filter.lines.emplace(id, line_id);
@@ -315,12 +333,19 @@ class Tester {
       ++report_.groups_dropped;
       return;
     }
+    const double mean_square =
+        (sum_squares + kPriorMembers * MeanSquareOfPassed(1.0, confidence_)) /
+        (static_cast<double>(accepted) + kPriorMembers);
+    const double variance = VarianceOfPassed(mean_square, confidence_);
+    const int halvings = std::min(kMaxHalvings, static_cast<int>(std::lround(std::log2(variance))));
+    if (halvings > 0) report_.filter.halvings[id] = halvings;
     std::vector<double>& params = report_.group_params[id];
     params.resize(type.num_file_params);
     type.to_file(g, params.data());
   }
 
   const Reconstruction& model_;
+  const double confidence_;
   const double max_chi_square1_, max_chi_square2_;
   std::unordered_map<point3D_t, PointEstimate> points_;
   std::unordered_map<line3D_t, LineEstimate> lines_;
@@ -338,6 +363,16 @@ double ChiSquareQuantile(double probability, int degrees_of_freedom) {
   while (high - low > 1e-12 * high) {
     const double middle = 0.5 * (low + high);
     (std::erfc(std::sqrt(0.5 * middle)) > 1.0 - probability ? low : high) = middle;
+  }
+  return high;
+}
+
+double VarianceOfPassed(double mean_square, double confidence) {
+  double low = 1.0, high = 1e4;
+  if (mean_square <= MeanSquareOfPassed(low, confidence)) return low;
+  while (high - low > 1e-9 * high) {
+    const double middle = std::sqrt(low * high);
+    (MeanSquareOfPassed(middle, confidence) < mean_square ? low : high) = middle;
   }
   return high;
 }

@@ -18,12 +18,15 @@ namespace holba {
 class Reconstruction;
 struct BundleProblem;
 
-// Associations that take no part in an adjustment.
+// Associations that take no part in an adjustment, and how much those of some groups count.
 struct AssociationFilter {
   std::set<std::pair<group3D_t, point3D_t>> points;
   std::set<std::pair<group3D_t, line3D_t>> lines;
   std::set<std::pair<point3D_t, line3D_t>> edges;
   std::set<group3D_t> groups;  // with all their members and relations
+  // Members of a group count 2^-halvings: they scatter more than their noise explains (walls are
+  // not flat to a tenth of a pixel). Missing: 0.
+  std::map<group3D_t, int> halvings;
 };
 
 struct AssociationCount {
@@ -49,6 +52,11 @@ struct AssociationReport {
 // `confidence`: share of the right associations that passes.
 AssociationReport TestAssociations(const Reconstruction& model, const BundleProblem& features,
                                    double confidence = 0.99);
+
+// Variance of a normal distribution, in units of the one assumed (at least 1), of which the values
+// that pass a test at `confidence` have this mean square. What lies beyond the test, right or
+// wrong, does not enter.
+double VarianceOfPassed(double mean_square, double confidence);
 
 // Quantile of the chi-square distribution with 1 or 2 degrees of freedom.
 double ChiSquareQuantile(double probability, int degrees_of_freedom);

@@ -5,9 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
+#include "holba/base/random.h"
 #include "holba/bundle/adjust_bundle.h"
 #include "holba/bundle/bundle_problem.h"
+#include "holba/bundle/bundle_testing.h"
 #include "holba/evaluation/ground_truth.h"
 #include "holba/synthetic/bundle_problem.h"
 
@@ -163,6 +166,68 @@ TEST(AssociationGate, DropsAGroupWhoseMembersHaveNothingInCommon) {
       TestAssociations(scene.perturbed, BuildProblem(scene.perturbed, options));
   EXPECT_TRUE(report.filter.groups.contains(id));
   EXPECT_GE(report.groups_dropped, 1u);
+}
+
+TEST(VarianceOfPassed, IsThatOfTheWholeDistributionWhateverLiesBeyondTheTest) {
+  Random random(7);
+  const double bound = ChiSquareQuantile(0.99, 1);
+  for (const double sigma : {1.0, 1.5, 2.0, 3.0}) {
+    double sum = 0.0;
+    size_t passed = 0;
+    for (int i = 0; i < 200000; ++i) {
+      const double square = std::pow(sigma * random.Normal(), 2);
+      if (square >= bound) continue;
+      sum += square;
+      ++passed;
+    }
+    EXPECT_NEAR(VarianceOfPassed(sum / static_cast<double>(passed), 0.99), sigma * sigma,
+                0.1 * sigma * sigma);
+  }
+  EXPECT_EQ(VarianceOfPassed(0.3, 0.99), 1.0) << "less than the noise is luck";
+}
+
+// A plane of 200 points that lie off it by `roughness` (standard deviation), seen by 6 cameras with
+// 0.5 px of noise, and 50 wrong members far away, which do not matter.
+int HalvingsOfAPlane(double roughness) {
+  ModelMaker maker;
+  Random random(11);
+  std::vector<image_t> images;
+  for (int i = 0; i < 6; ++i) {
+    const double angle = 0.4 * (i - 2.5);
+    images.push_back(maker.AddImage({8.0 * std::sin(angle), -1.0 + 0.4 * i, 8.0 * std::cos(angle)},
+                                    {0.0, 0.0, 0.0}));
+  }
+  std::vector<point3D_t> members;
+  for (int i = 0; i < 250; ++i) {
+    const double z = i < 200 ? roughness * random.Normal() : 0.5 + 0.01 * (i - 200);
+    members.push_back(
+        maker.AddPoint({random.Uniform(-2.0, 2.0), random.Uniform(-2.0, 2.0), z}, images));
+  }
+  const group3D_t plane = maker.AddGroup("PLANE", {0.0, 0.0, 1.0, 0.0}, members, {});
+  for (auto& [id, image] : maker.model.images) {
+    for (auto& point : image.points2D) {
+      point.xy += 0.5 * Eigen::Vector2d(random.Normal(), random.Normal());
+    }
+  }
+  maker.Finish();
+  BundleOptions options = PlainOptions();
+  options.config = BundleConfig::kPointLine;
+  options.fix_poses = true;
+  options.refine_focal_length = false;
+  BundleProblem features = BuildProblem(maker.model, options);
+  Solve(TightSolver(), &features.problem);
+  const AssociationReport report = TestAssociations(maker.model, features);
+  EXPECT_FALSE(report.filter.groups.contains(plane));
+  const auto it = report.filter.halvings.find(plane);
+  return it == report.filter.halvings.end() ? 0 : it->second;
+}
+
+TEST(AssociationGate, WeighsAPlaneByTheScatterOfItsMembers) {
+  EXPECT_EQ(HalvingsOfAPlane(0.0), 0);
+  // Depths are known to some 0.004: so much again is one halving.
+  const int some = HalvingsOfAPlane(0.004), much = HalvingsOfAPlane(0.008);
+  EXPECT_GE(some, 1);
+  EXPECT_GT(much, some);
 }
 
 // What the gate is for: strong weights stay safe under many wrong associations.

@@ -85,6 +85,11 @@ void BundleOptions::Describe(OptionTable* table) {
                "Rounds of testing associations and adjusting.");
   table->Field("gate_confidence", &gate_confidence, Between(0.5, 0.999999),
                "Share of the right associations that passes a test.");
+  table->Field(
+      "max_camera_shift_sigmas", &max_camera_shift_sigmas, AtLeast(0),
+      "Lines and structure that move the cameras farther than this from where points alone "
+      "have them, in standard deviations of the latter, contradict the points and move no "
+      "camera; 0: not tested.");
   table->Field("refine_focal_length", &refine_focal_length, "Whether focal lengths are adjusted.");
   table->Field("refine_principal_point", &refine_principal_point,
                "Whether principal points are adjusted.");

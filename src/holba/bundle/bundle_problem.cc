@@ -133,18 +133,19 @@ class Builder {
     block->constant = free == 0;
   }
 
-  // One batch for each (term, camera model, group type, whether observations move): its kernel is
-  // made on first use.
+  // One batch for each (term, camera model, group type, whether observations move), and each weight
+  // (weight_halvings_): its kernel is made on first use.
   template <typename Kernel, typename MakeKernel>
   KernelBatch<Kernel>& BatchOf(std::string_view term, std::initializer_list<int> tangents,
                                std::tuple<int, int, int> key, const MakeKernel& make) {
     const TermFamily family = FamilyOf(term);
-    std::unique_ptr<ResidualBatch>& batch = batches_[{static_cast<int>(family), term, key}];
+    std::unique_ptr<ResidualBatch>& batch =
+        batches_[{static_cast<int>(family), term, key, weight_halvings_}];
     if (!batch) {
       auto made = std::make_unique<KernelBatch<Kernel>>(std::string(term), Kernel::kDim,
                                                         std::vector<int>(tangents), make());
       made->loss = ToLoss(options_[family]);
-      made->weight = options_[family].weight;
+      made->weight = std::ldexp(options_[family].weight, -weight_halvings_);
       made->angular = IsAngular(family);
       batch = std::move(made);
     }
@@ -253,6 +254,8 @@ class Builder {
       const GroupType* type = group.type;
       const BlockId group_block = groups_.at(id);
       if (filter_.groups.contains(id)) continue;
+      const auto halvings = filter_.halvings.find(id);
+      weight_halvings_ = halvings != filter_.halvings.end() ? halvings->second : 0;
       for (point3D_t point_id : group.point3D_ids) {
         if (!filter_.points.contains({id, point_id})) AddGroupPoint(*type, group_block, point_id);
       }
@@ -260,6 +263,7 @@ class Builder {
         if (!filter_.lines.contains({id, line_id})) AddGroupLine(*type, group_block, line_id);
       }
     }
+    weight_halvings_ = 0;
   }
 
   void AddGroupPoint(const GroupType& type, BlockId group, point3D_t point_id) {
@@ -417,7 +421,7 @@ class Builder {
     if (farthest > 0.0) problem_.block(second).held |= uint32_t{1} << (3 + coordinate);
   }
 
-  using BatchKey = std::tuple<int, std::string_view, std::tuple<int, int, int>>;
+  using BatchKey = std::tuple<int, std::string_view, std::tuple<int, int, int>, int>;
 
   const Reconstruction& model_;
   const BundleOptions& options_;
@@ -428,6 +432,7 @@ class Builder {
   std::unordered_map<line3D_t, BlockId> lines_;
   std::unordered_map<group3D_t, BlockId> groups_;
   std::map<BatchKey, std::unique_ptr<ResidualBatch>> batches_;
+  int weight_halvings_ = 0;  // of the group whose members are being added
 };
 
 }  // namespace

@@ -43,6 +43,7 @@ std::optional<ModelUncertainty> EstimateUncertainty(const Reconstruction& model,
   for (const auto& batch : bundle.problem.batches()) {
     const auto scale = summary.auto_scales.find(batch->term());
     if (scale != summary.auto_scales.end()) batch->loss = {LossType::kCauchy, scale->second};
+    if (batch->angular) batch->weight *= summary.angular_weight_factor;
   }
   const Problem& problem = bundle.problem;
   const std::optional<Covariance> covariance = Covariance::Compute(problem, num_threads);

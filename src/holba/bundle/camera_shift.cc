@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/bundle/camera_shift.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "holba/base/check.h"
+#include "holba/bundle/adjust_bundle.h"
+#include "holba/geometry/manifold.h"
+#include "holba/solver/covariance.h"
+
+namespace holba {
+namespace {
+
+// Of one observed coordinate, px^2. A robust loss leaves the noise of the good
+// observations; without one the wrong ones have moved the cameras too, and
+// count.
+double NoiseVariance(const Problem& problem) {
+  double sum = 0.0, count = 0.0;
+  bool robust = true;
+  for (const auto& batch : problem.batches()) {
+    if (batch->term() == "point") robust &= batch->loss.type != LossType::kTrivial;
+  }
+  if (robust) {
+    const double sigma = RobustSigma(problem, "point");
+    return sigma * sigma;
+  }
+  for (double r : ResidualNorms(problem, "point", true)) {
+    sum += r * r;
+    count += 1.0;
+  }
+  return count > 0.0 ? sum / count : 0.0;
+}
+
+}  // namespace
+
+std::optional<CameraReference> CameraReference::Of(const BundleProblem& points, int num_threads,
+                                                   SolverWorkspace* workspace) {
+  const double variance = NoiseVariance(points.problem);
+  if (!(variance > 0.0)) return std::nullopt;
+  const std::optional<Covariance> covariance =
+      Covariance::Compute(points.problem, num_threads, workspace);
+  if (!covariance) return std::nullopt;
+  CameraReference reference;
+  for (size_t index = 0; index < points.poses.size(); ++index) {
+    const BlockId block = points.poses[index].second;
+    const uint32_t mask = points.problem.block(block).FreeMask();
+    Pose pose{index, {}, {}, {}};
+    for (int k = 0; k < PoseManifold::kTangent; ++k) {
+      if (mask >> k & 1) pose.free.push_back(k);
+    }
+    if (pose.free.empty()) continue;
+    const Eigen::MatrixXd C = variance * covariance->Of(block)(pose.free, pose.free);
+    if (!C.allFinite()) continue;
+    const Eigen::LDLT<Eigen::MatrixXd> ldlt(C);
+    if (ldlt.info() != Eigen::Success || !(ldlt.vectorD().minCoeff() > 0.0)) continue;
+    pose.information = ldlt.solve(Eigen::MatrixXd::Identity(C.rows(), C.cols()));
+    const double* values = points.problem.values(block);
+    pose.values.assign(values, values + PoseManifold::kAmbient);
+    reference.poses_.push_back(std::move(pose));
+  }
+  if (reference.poses_.empty()) return std::nullopt;
+  return reference;
+}
+
+double CameraReference::ShiftSigmas(const BundleProblem& other) const {
+  double sum = 0.0, count = 0.0;
+  for (const Pose& pose : poses_) {
+    HOLBA_CHECK(pose.index < other.poses.size());
+    Eigen::Matrix<double, PoseManifold::kTangent, 1> moved;
+    PoseManifold::Minus(other.problem.values(other.poses[pose.index].second), pose.values.data(),
+                        moved.data());
+    const Eigen::VectorXd d = moved(pose.free);
+    sum += d.dot(pose.information * d);
+    count += static_cast<double>(pose.free.size());
+  }
+  return std::sqrt(sum / count);
+}
+
+}  // namespace holba
