@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/frontend/corner_detector.h"
 
-#include <algorithm>
-#include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
@@ -15,13 +13,12 @@ namespace {
 
 // Half sizes of the neighbourhoods that find a corner and that place it.
 constexpr int kBlockSize = 3;
-constexpr int kHalfWindowPx = 4;
+constexpr int kHalfWindowPx = 2;
 // A corner that moves farther lies in no junction of straight edges.
 constexpr double kMaxMovePx = 2.0;
-// Diameter of SIFT's key point. Computed on the image of half the size, which shows at this size
+// Diameter of SIFT's key point; described on the image of half the size, which shows at this size
 // all that the descriptor resolves.
 constexpr float kKeyPointSizePx = 9.0f;
-constexpr int kOctave = 1;
 
 }  // namespace
 
@@ -47,6 +44,10 @@ Corners DetectCorners(const CornerOptions& options, const GreyImage& image) {
   cv::cornerSubPix(grey, moved, cv::Size(kHalfWindowPx, kHalfWindowPx), cv::Size(-1, -1),
                    cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.005));
 
+  cv::Mat half;
+  cv::resize(grey, half, cv::Size((grey.cols + 1) / 2, (grey.rows + 1) / 2), 0, 0, cv::INTER_AREA);
+  const float scale_x = static_cast<float>(half.cols) / static_cast<float>(grey.cols);
+  const float scale_y = static_cast<float>(half.rows) / static_cast<float>(grey.rows);
   std::vector<cv::KeyPoint> key_points;
   for (size_t i = 0; i < found.size(); ++i) {
     const cv::Point2f move = moved[i] - found[i];
@@ -55,23 +56,21 @@ Corners DetectCorners(const CornerOptions& options, const GreyImage& image) {
     if (!(moved[i].x >= 0.0f && moved[i].x <= static_cast<float>(image.width - 1) &&
           moved[i].y >= 0.0f && moved[i].y <= static_cast<float>(image.height - 1)))
       continue;
-    key_points.emplace_back(moved[i], kKeyPointSizePx, 0.0f, 0.0f, kOctave);
+    // OpenCV counts from the centre of the first pixel.
+    const float x = moved[i].x + 0.5f, y = moved[i].y + 0.5f;
+    key_points.emplace_back(scale_x * x - 0.5f, scale_y * y - 0.5f, 0.5f * kKeyPointSizePx, 0.0f);
+    corners.positions.emplace_back(x, y);
   }
   if (key_points.empty()) return corners;
-  const size_t num_key_points = key_points.size();
   cv::Mat descriptors;
-  cv::SIFT::create()->compute(grey, key_points, descriptors);
-  HOLBA_CHECK_MSG(key_points.size() == num_key_points && descriptors.cols == kCornerDescriptorSize,
+  // Of SIFT's pyramid only the first image is used: the fewest layers.
+  cv::SIFT::create(0, 1)->compute(half, key_points, descriptors);
+  HOLBA_CHECK_MSG(key_points.size() == corners.positions.size() &&
+                      descriptors.cols == kCornerDescriptorSize && descriptors.isContinuous(),
                   "SIFT describes every corner");
-  corners.positions.reserve(num_key_points);
-  corners.descriptors.reserve(num_key_points * kCornerDescriptorSize);
-  for (size_t i = 0; i < num_key_points; ++i) {
-    const int row = static_cast<int>(i);
-    // OpenCV counts from the centre of the first pixel.
-    corners.positions.emplace_back(key_points[i].pt.x + 0.5, key_points[i].pt.y + 0.5);
-    for (int k = 0; k < kCornerDescriptorSize; ++k)
-      corners.descriptors.push_back(cv::saturate_cast<uint8_t>(descriptors.at<float>(row, k)));
-  }
+  corners.descriptors.reserve(descriptors.total());
+  for (const float value : cv::Mat_<float>(descriptors))
+    corners.descriptors.push_back(cv::saturate_cast<uint8_t>(value));
   return corners;
 }
 

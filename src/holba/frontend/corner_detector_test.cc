@@ -40,13 +40,13 @@ TEST(CornerDetector, PlacesCornersInColmapsPixelsWithoutBias) {
     const Corners corners = DetectCorners({}, image);
     ASSERT_FALSE(corners.positions.empty());
     const Eigen::Vector2d error = corners.positions[Nearest(corners, truth)] - truth;
-    EXPECT_LT(error.norm(), 0.1);
+    EXPECT_LT(error.norm(), 0.2);
     sum += error;
     squares += error.squaredNorm();
     ++count;
   }
   EXPECT_LT((sum / count).cwiseAbs().maxCoeff(), 0.02);
-  EXPECT_LT(std::sqrt(squares / count), 0.05);
+  EXPECT_LT(std::sqrt(squares / count), 0.08);
 }
 
 TEST(CornerDetector, ARectangleHasCornersAtItsFourCorners) {

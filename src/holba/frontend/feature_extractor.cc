@@ -65,21 +65,32 @@ void ExtractionOptions::Describe(OptionTable* table) {
 }
 
 ImageFeatures ExtractFeatures(const ExtractionOptions& options, const GreyImage& image,
-                              const Camera& camera) {
+                              const Camera& camera, const std::vector<LineSegment2d>* given) {
   HoldOpenCvThreads();
   const IdealCanvas canvas(camera);
   const GreyImage straight = canvas.Resample(image);
   const GradientImage gradients(straight, kGradientSigmaPx);
-  std::vector<LineSegment2d> segments =
-      DetectSegments(options.segments, canvas, straight, gradients);
-  // Refinement moves ends by less than the border of what is shown.
   ImageFeatures features;
   std::vector<LineSegment2d> described;
-  for (const LineSegment2d& segment : segments) {
-    const auto start = canvas.ToPixel(segment.start), end = canvas.ToPixel(segment.end);
-    if (!start || !end) continue;
-    described.push_back(segment);
-    features.segments.push_back({*start, *end});
+  if (given) {
+    for (const LineSegment2d& segment : *given) {
+      const auto start = canvas.FromPixel(segment.start), end = canvas.FromPixel(segment.end);
+      // Beyond the canvas there is nothing to describe; the segment keeps its place in the order.
+      std::vector<LineSegment2d> turned{start && end ? LineSegment2d{*start, *end} : segment};
+      OrientSegments(gradients, &turned);
+      const bool kept = !start || turned[0].start == *start;
+      features.segments.push_back(kept ? segment : LineSegment2d{segment.end, segment.start});
+      described.push_back(turned[0]);
+    }
+  } else {
+    // Refinement moves ends by less than the border of what is shown.
+    for (const LineSegment2d& segment :
+         DetectSegments(options.segments, canvas, straight, gradients)) {
+      const auto start = canvas.ToPixel(segment.start), end = canvas.ToPixel(segment.end);
+      if (!start || !end) continue;
+      described.push_back(segment);
+      features.segments.push_back({*start, *end});
+    }
   }
   features.segment_descriptors = DescribeSegments(gradients, described);
   Corners corners = DetectCorners(options.corners, image);

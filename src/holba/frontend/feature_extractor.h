@@ -22,9 +22,12 @@ struct ExtractionOptions {
 
 // The image must have the camera's size. Segments are found where the camera makes straight lines
 // straight and given in pixels of the photograph, the longest there first. Same image, options and
-// camera: same features; may be called from several threads.
+// camera: same features; may be called from several threads. `given`: segments that another
+// detector found (pixels of the photograph), taken as they are but turned, in their order, instead
+// of ours; null: ours.
 ImageFeatures ExtractFeatures(const ExtractionOptions& options, const GreyImage& image,
-                              const Camera& camera);
+                              const Camera& camera,
+                              const std::vector<LineSegment2d>* given = nullptr);
 
 // Everything but the image that the features depend on, in one line of text: features stored with
 // another one are out of date.

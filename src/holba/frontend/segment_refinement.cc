@@ -15,8 +15,8 @@ constexpr int kProfileSize = 2 * kNumSteps + 1;
 // Profiles of so many neighbours to either side are added up before the maximum is looked for: a
 // detector's direction is good enough for that, and noise is not.
 constexpr int kHalfWindow = 1;
-// Maxima farther than this from the fitted line do not count; twice what noise does to one maximum.
-constexpr double kRobustScalePx = 0.3;
+// Scale of Cauchy's loss; maxima at twice that from the fitted line do not support it.
+constexpr double kRobustScalePx = 0.6;
 constexpr double kMinInlierShare = 0.5;
 // A detector errs by less than this; a line farther away is another edge.
 constexpr double kMaxMovePx = 1.0;
