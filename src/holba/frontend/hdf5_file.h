@@ -18,8 +18,8 @@ bool IsHdf5(const std::filesystem::path& path);
 // The data sets of numbers whose path ("folder/image.jpg/lines") is wanted. Links to other places
 // and data in other files are not followed. Throws InputError.
 //
-// The HDF5 library is known to crash on crafted files: it runs in a child process, with bounds on
-// memory and time, whose death is an InputError.
+// The HDF5 library has a history of crashes on crafted files: it runs in a child process, with
+// bounds on memory and time, whose death is an InputError. There `wanted` is called, too.
 std::map<std::string, NumericArray> ReadHdf5(
     const std::filesystem::path& path, const std::function<bool(std::string_view path)>& wanted);
 

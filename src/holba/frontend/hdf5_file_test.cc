@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <csignal>
+
 #include "holba/base/random.h"
 #include "holba/frontend/import_golden_files.h"
 #include "holba/frontend/import_testing.h"
@@ -65,6 +67,23 @@ TEST(Hdf5, BadFilesAreRefusedWithTheReason) {
   EXPECT_THAT(message(good.substr(0, good.size() - 100)), HasSubstr("damaged or incomplete"));
   EXPECT_THAT(MessageOf([&] { ReadHdf5(folder.path() / "none.h5", Everything); }),
               HasSubstr("no such file"));
+}
+
+TEST(Hdf5, ACrashOfTheLibraryIsAnInputError) {
+  const TestFolder folder;
+  const auto path = folder.Write("x.h5", FromBase64(kHdf5Features));
+  const auto crash = [](std::string_view) {  // called from within the library
+    std::raise(SIGSEGV);
+    return true;
+  };
+  EXPECT_THAT(MessageOf([&] { ReadHdf5(path, crash); }),
+              HasSubstr("the HDF5 library crashed reading this file: it is damaged; write it "
+                        "again with h5py"));
+  const auto die = [](std::string_view) {
+    std::raise(SIGKILL);
+    return true;
+  };
+  EXPECT_THAT(MessageOf([&] { ReadHdf5(path, die); }), HasSubstr("ran out of time or memory"));
 }
 
 // Whatever is wrong, the program that reads it lives on.
