@@ -8,13 +8,14 @@
 #include "apps/bench/accuracy.h"
 #include "apps/bench/solver_bench.h"
 #include "apps/bench/timing.h"
+#include "apps/bench/vp_detection.h"
 #include "apps/command.h"
 #include "holba/base/error.h"
 
 namespace holba {
 namespace {
 
-enum class Benchmark { kIterations, kWireframeForm, kAccuracy, kSolver };
+enum class Benchmark { kIterations, kWireframeForm, kAccuracy, kSolver, kVpDetection };
 enum class VisibilityChoice { kDefault, kRandom, kNear, kCluster, kBoth };
 enum class SchurChoice { kDense, kSparse, kBoth };
 
@@ -42,10 +43,11 @@ class BenchJob : public Job {
                   {{"iterations", Benchmark::kIterations},
                    {"wireframe_form", Benchmark::kWireframeForm},
                    {"accuracy", Benchmark::kAccuracy},
-                   {"solver", Benchmark::kSolver}},
+                   {"solver", Benchmark::kSolver},
+                   {"vp_detection", Benchmark::kVpDetection}},
                   "Which benchmark: time per iteration of the four configurations; the same of the "
                   "2D and 3D form of the wireframe; errors against the truth; the native solver "
-                  "against Ceres.");
+                  "against Ceres; vanishing points in photographs against labelled ones.");
     table->Field("num_images", &num_images_, AtLeast(10),
                  "Sizes of the scenes (accuracy takes one); empty: 100,200,500,1000, for "
                  "wireframe_form 100,200,500, for "
@@ -71,7 +73,10 @@ class BenchJob : public Job {
         "wrong_associations", &scene_.wrong_associations,
         {{"random", WrongAssociations::kRandom}, {"nearest", WrongAssociations::kNearest}},
         "Whether a wrong association is to any feature or to the nearest wrong one.");
-    table->Field("num_seeds", &num_seeds_, Between(1, 100000), "Scenes of the benchmark accuracy.");
+    table->Field("num_seeds", &num_seeds_, Between(1, 100000),
+                 "Scenes of the benchmark accuracy; runs of the benchmark vp_detection.");
+    table->Field("data", &data_path_,
+                 "Folder of labelled photographs of the benchmark vp_detection (YUD+).");
     table->Choice("alignment", &alignment_,
                   {{"auto", AlignmentBasis::kAuto},
                    {"centres", AlignmentBasis::kCentres},
@@ -112,6 +117,7 @@ class BenchJob : public Job {
                  "A run of the benchmark solver stops after the iteration that passes this.");
     bundle_.Describe(table);
     solver_.Describe(table);
+    vanishing_points_.Describe(table);
   }
 
   void Run(const Invocation& invocation) override {
@@ -119,6 +125,8 @@ class BenchJob : public Job {
       RunAccuracy(invocation);
     } else if (benchmark_ == Benchmark::kSolver) {
       RunSolverBench(invocation);
+    } else if (benchmark_ == Benchmark::kVpDetection) {
+      RunVpDetection(invocation);
     } else {
       RunTiming(invocation);
     }
@@ -175,6 +183,18 @@ class BenchJob : public Job {
     Print(invocation, SolverTables(result), SolverBenchToJson(result));
   }
 
+  void RunVpDetection(const Invocation& invocation) const {
+    if (data_path_.empty()) {
+      throw InputError("--data: the benchmark vp_detection needs a folder of labelled photographs");
+    }
+    VpDetectionOptions options;
+    options.detection = vanishing_points_;
+    options.num_seeds = num_seeds_;
+    const std::vector<VpDetectionResult> results =
+        MeasureVpDetection(options, ReadLabelledSegments(data_path_));
+    Print(invocation, {VpDetectionTable(results)}, VpDetectionToJson(results));
+  }
+
   void RunTiming(const Invocation& invocation) const {
     TimingOptions options;
     options.num_images = benchmark_ == Benchmark::kIterations ? Sizes({100, 200, 500, 1000})
@@ -216,6 +236,7 @@ class BenchJob : public Job {
   AlignmentBasis alignment_ = AlignmentBasis::kAuto;
   bool median_ = false;
   std::string input_path_;
+  std::string data_path_;
   std::string problems_ =
       "bal,local,ring_100,ring_500,sequence_500,collection_200,random_holistic_100,"
       "near_holistic_100";
@@ -226,6 +247,7 @@ class BenchJob : public Job {
   double max_run_seconds_ = 120.0;
   BundleOptions bundle_;
   SolverOptions solver_;
+  VanishingPointOptions vanishing_points_;
 };
 
 }  // namespace
@@ -254,6 +276,11 @@ Command BenchCommand() {
           "--iterations iterations with the gauge fixed. Not run, and shown "
           "as skipped: dense systems above 6000 unknowns, factorised by Eigen above 3000. Times "
           "stand beside a floor: the operations that the step needs at the machine's peak.\n\n"
+          "vp_detection: vanishing points found in the segments of each photograph against the "
+          "labelled ones, for --num_seeds seeds of the detection: the part of the labelled "
+          "directions that have a found one within 2, 5 and 10 degrees, found ones more than 5 "
+          "degrees from every labelled one, and segments given to a direction within 5 degrees of "
+          "their label's.\n\n"
           "What a benchmark compares, it sets itself: Bundle.config, and for times "
           "Bundle.wireframe_form, Solver.linear_solver, the tolerances and "
           "Solver.max_num_iterations. A point or line loss auto counts as Cauchy at its scale in "
