@@ -178,7 +178,7 @@ class Placer {
 
   // Tests one pair beyond the epipolar band; adds it if it may be.
   void TestCandidate(uint32_t segment_idx, const SceneSegment& segment, size_t n, uint32_t i,
-                     double iou, std::optional<float> distance, NodeCounts* counts) {
+                     double iou, std::optional<float> distance) {
     const uint32_t other_idx = view_.neighbours[n];
     const SceneView& other = scene_.views[other_idx];
     const SceneSegment& theirs = other.segments[i];
@@ -222,49 +222,54 @@ class Placer {
     candidates_.clear();
     weak_angle_ = bad_depth_ = unlike_ = 0;
     const SceneView& other = scene_.views[view_.neighbours[n]];
-    const size_t size = other.segments.size();
+    const Eigen::Index size = static_cast<Eigen::Index>(other.segments.size());
     const auto unit = [](const Eigen::Vector3d& l) {
       const double scale = l.head<2>().norm();
       return Eigen::Vector3f((l / (scale > 0.0 ? scale : 1.0)).cast<float>());
     };
     const Eigen::Vector3f a = unit(fundamental_[n] * segment.ideal.start.homogeneous());
-    const Eigen::Vector3f b = unit(fundamental_[n] * segment.ideal.end.homogeneous());
+    Eigen::Vector3f b = unit(fundamental_[n] * segment.ideal.end.homogeneous());
+    // Which of the two senses of the second line makes no difference: that of the first.
+    if (a.head<2>().dot(b.head<2>()) < 0.0f) b = -b;
     const float min_iou = static_cast<float>(options_.min_epipolar_iou);
-    // Where along the other segment the epipolar lines of the two ends cross it, in its lengths.
-    const auto iou_of = [&](size_t i, float* low, float* high) {
-      const float as = a.x() * other.start_x[i] + a.y() * other.start_y[i] + a.z();
-      const float ae = a.x() * other.end_x[i] + a.y() * other.end_y[i] + a.z();
-      const float bs = b.x() * other.start_x[i] + b.y() * other.start_y[i] + b.z();
-      const float be = b.x() * other.end_x[i] + b.y() * other.end_y[i] + b.z();
-      *low = as / (as - ae);
-      *high = bs / (bs - be);
-      const float c1 = std::min(*low, *high), c2 = std::max(*low, *high);
+    // Overlap of the other segment with its part between the two epipolar lines, from the signed
+    // distances of its ends to them.
+    const auto iou_of = [&](float as, float ae, float bs, float be) {
+      const float low = as / (as - ae), high = bs / (bs - be);
+      if (options_.oriented && !(low < high)) return 0.0f;
+      const float c1 = std::min(low, high), c2 = std::max(low, high);
       return (std::min(c2, 1.0f) - std::max(c1, 0.0f)) / (std::max(c2, 1.0f) - std::min(c1, 0.0f));
     };
-    float low, high;
     if (guided_) {
       for (const auto& [i, distance] : adjacency_[n][segment_idx]) {
-        const float iou = iou_of(i, &low, &high);
-        if (!(iou > min_iou) || (options_.oriented && !(low < high))) {
+        const auto to = [&](const Eigen::Vector3f& l, float x, float y) {
+          return l.x() * x + l.y() * y + l.z();
+        };
+        const float iou = iou_of(
+            to(a, other.start_x[i], other.start_y[i]), to(a, other.end_x[i], other.end_y[i]),
+            to(b, other.start_x[i], other.start_y[i]), to(b, other.end_x[i], other.end_y[i]));
+        if (!(iou > min_iou)) {
           ++counts->dropped["candidate: outside the epipolar band or opposite"];
           continue;
         }
-        TestCandidate(segment_idx, segment, n, i, iou, distance, counts);
+        TestCandidate(segment_idx, segment, n, i, iou, distance);
       }
     } else {
-      iou_.resize(size);
-      if (options_.oriented) {
-        for (size_t i = 0; i < size; ++i) {
-          const float iou = iou_of(i, &low, &high);
-          iou_[i] = low < high ? iou : 0.0f;
-        }
-      } else {
-        for (size_t i = 0; i < size; ++i) iou_[i] = iou_of(i, &low, &high);
-      }
-      for (size_t i = 0; i < size; ++i) {
-        if (iou_[i] > min_iou)
-          TestCandidate(segment_idx, segment, n, static_cast<uint32_t>(i), iou_[i], std::nullopt,
-                        counts);
+      // Most segments lie beside the band: both ends on one side of both lines.
+      using Array = Eigen::Map<const Eigen::ArrayXf>;
+      const Array sx(other.start_x.data(), size), sy(other.start_y.data(), size);
+      const Array ex(other.end_x.data(), size), ey(other.end_y.data(), size);
+      to_a_start_ = a.x() * sx + a.y() * sy + a.z();
+      to_a_end_ = a.x() * ex + a.y() * ey + a.z();
+      to_b_start_ = b.x() * sx + b.y() * sy + b.z();
+      to_b_end_ = b.x() * ex + b.y() * ey + b.z();
+      beside_ = (to_a_start_.min(to_a_end_)).min(to_b_start_.min(to_b_end_));
+      beside_ = beside_.max(-(to_a_start_.max(to_a_end_)).max(to_b_start_.max(to_b_end_)));
+      for (Eigen::Index i = 0; i < size; ++i) {
+        if (beside_[i] > 0.0f) continue;
+        const float iou = iou_of(to_a_start_[i], to_a_end_[i], to_b_start_[i], to_b_end_[i]);
+        if (iou > min_iou)
+          TestCandidate(segment_idx, segment, n, static_cast<uint32_t>(i), iou, std::nullopt);
       }
     }
     if (weak_angle_) counts->dropped["candidate: ray nearly in the other plane"] += weak_angle_;
@@ -550,7 +555,7 @@ class Placer {
   std::vector<Eigen::Vector3d> directions_;
   std::vector<Proposal> proposals_;
   std::vector<Candidate> candidates_;
-  std::vector<float> iou_;
+  Eigen::ArrayXf to_a_start_, to_a_end_, to_b_start_, to_b_end_, beside_;  // px
   std::vector<Eigen::Vector3d> shared_;
   std::vector<SegmentKey> checked_;
   std::vector<std::pair<size_t, uint32_t>> plane_votes_;

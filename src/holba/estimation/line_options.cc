@@ -32,6 +32,8 @@ void LineOptions::Describe(OptionTable* table) {
   table->Field(
       "min_score", &min_score, GreaterThan(0),
       "Least support of a proposal: number of images that agree, each weighed by 0.5 to 1.");
+  table->Field("min_score_of_few", &min_score_of_few, GreaterThan(0),
+               "Least support of the best proposal of a line that is seen in fewer than 4 images.");
   table->Field("max_distance_px", &max_distance_px, GreaterThan(0),
                "Greatest distance of a segment's ends from the image of its line.");
   table->Field("max_angle_deg", &max_angle_deg, Between(0, 90),

@@ -31,10 +31,15 @@ struct LineOptions {
   bool propose_from_points = true;
   bool propose_from_groups = true;
 
-  double min_score = 1.0;  // sum over images of agreeing proposals, each at most 1
+  // Sum over other images than the proposal's two of how well they agree, each at most 1: about
+  // one.
+  double min_score = 0.8;
+  // The same of the best proposal of a line that ends in fewer than 4 images: clutter makes such
+  // lines by chance.
+  double min_score_of_few = 1.0;
 
   // A segment stays with a line while it is so near to its image.
-  double max_distance_px = 2.0;
+  double max_distance_px = 1.5;
   double max_angle_deg = 8.0;
   double min_overlap = 0.3;
 

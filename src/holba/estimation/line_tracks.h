@@ -24,6 +24,7 @@ struct LineTrack {
   int32_t direction = -1;  // in LineScene::directions, if it is held to one
   int32_t plane = -1;      // in LineScene::planes, if it is held to one
   int32_t proposed_plane = -1;
+  double score = 0.0;   // of the best hypothesis of a member
   bool changed = true;  // since its last fit
 
   Eigen::Vector3d Start() const { return line.At(t_start); }

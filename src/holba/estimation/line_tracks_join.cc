@@ -154,6 +154,7 @@ std::vector<LineTrack> JoinSegments(const LineOptions& options, const LineScene&
     for (const SegmentKey& key : track.members) {
       const SegmentNode& node = nodes[key.view][key.segment];
       if (node.plane >= 0) ++planes[node.plane];
+      track.score = std::max(track.score, node.score);
     }
     for (const SegmentKey& key : starts) {
       const SegmentNode& node = nodes[key.view][key.segment];

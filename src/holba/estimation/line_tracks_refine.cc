@@ -289,6 +289,7 @@ void MergeAndClaim(const LineOptions& options, const LineScene& scene, int num_t
     const bool a_first = a.members.size() >= b.members.size();
     LineTrack both = a_first ? a : b;
     if (both.proposed_plane < 0) both.proposed_plane = (a_first ? b : a).proposed_plane;
+    both.score = std::max(a.score, b.score);
     both.members.clear();
     std::merge(a.members.begin(), a.members.end(), b.members.begin(), b.members.end(),
                std::back_inserter(both.members));
@@ -344,8 +345,13 @@ void RefineTracks(const LineOptions& options, const LineScene& scene, int num_th
   }
   size_t kept = 0;
   for (size_t t = 0; t < tracks->size(); ++t) {
-    if (NumImages((*tracks)[t].members) < static_cast<size_t>(options.min_images)) {
+    const size_t num_images = NumImages((*tracks)[t].members);
+    if (num_images < static_cast<size_t>(options.min_images)) {
       ++counts->dropped["line: fewer than min_images"];
+      continue;
+    }
+    if (num_images < 4 && (*tracks)[t].score < options.min_score_of_few) {
+      ++counts->dropped["line: fewer than 4 images and less than min_score_of_few"];
       continue;
     }
     counts->held_to_direction += (*tracks)[t].direction >= 0;
