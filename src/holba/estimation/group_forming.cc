@@ -71,7 +71,7 @@ class GroupFormer {
     for (const auto& [id, group] : model_.groups3D) next_id_ = std::max(next_id_, id + 1);
   }
 
-  GroupFormingReport Run(std::span<const GroupMatch> matches) {
+  GroupFormingReport Run(std::span<const GroupObservationPair> matches) {
     for (size_t r = 0; r < regions_.size(); ++r) report_.observations += IsFree(r);
     CountShared(matches);
     JoinKnown();
@@ -95,7 +95,7 @@ class GroupFormer {
   bool IsFree(size_t r) { return InImage(r).group3D_id == kNoId; }
 
   // Pairs of regions of one type in different images, with the number of features that both have.
-  void CountShared(std::span<const GroupMatch> matches) {
+  void CountShared(std::span<const GroupObservationPair> matches) {
     std::unordered_map<uint64_t, std::vector<size_t>> by_point, by_line;
     for (size_t r = 0; r < regions_.size(); ++r) {
       const auto visit = [&](auto& index, uint64_t id) {
@@ -483,7 +483,7 @@ class GroupFormer {
 }  // namespace
 
 GroupFormingReport FormGroups(const GroupFormingOptions& options,
-                              std::span<const GroupMatch> matches, const GroupNormals& normals,
+                              std::span<const GroupObservationPair> matches, const GroupNormals& normals,
                               Reconstruction* model) {
   return GroupFormer(options, normals, model).Run(matches);
 }

@@ -33,7 +33,7 @@ struct GroupFormingOptions {
   void Describe(OptionTable* table);
 };
 
-using GroupMatch = std::pair<GroupObservation, GroupObservation>;
+using GroupObservationPair = std::pair<GroupObservation, GroupObservation>;
 using GroupNormals = std::map<std::pair<image_t, group2D_t>, RegionNormal>;
 
 struct GroupFormingReport {
@@ -48,7 +48,7 @@ struct GroupFormingReport {
 // Gives regions without a group one, new or known. `matches`: regions known to be one surface (from
 // warped masks, say), whether or not they share features. `normals`: by region.
 GroupFormingReport FormGroups(const GroupFormingOptions& options,
-                              std::span<const GroupMatch> matches, const GroupNormals& normals,
+                              std::span<const GroupObservationPair> matches, const GroupNormals& normals,
                               Reconstruction* model);
 
 }  // namespace holba

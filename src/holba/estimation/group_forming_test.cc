@@ -166,13 +166,13 @@ TEST(FormGroups, MatchedRegionsNeedNoCommonFeatures) {
   Wall wall = MakeWall();
   AddRegion(1, 0, 8, &wall.model);
   AddRegion(2, 20, 28, &wall.model);
-  const std::vector<GroupMatch> matches = {{{1, 0}, {2, 0}}};
+  const std::vector<GroupObservationPair> matches = {{{1, 0}, {2, 0}}};
   Reconstruction without = wall.model;
   EXPECT_EQ(FormGroups({}, {}, {}, &without).formed, 0);
   // Each image sees the other's points outside of its region: half of the votes.
   EXPECT_EQ(FormGroups({}, matches, {}, &wall.model).formed, 1);
   EXPECT_EQ(wall.model.groups3D.begin()->second.point3D_ids.size(), 16);
-  const std::vector<GroupMatch> unknown = {{{1, 0}, {2, 5}}};
+  const std::vector<GroupObservationPair> unknown = {{{1, 0}, {2, 5}}};
   EXPECT_EQ(FormGroups({}, unknown, {}, &without).dropped.at("match: unknown region"), 1);
 }
 
@@ -188,7 +188,7 @@ TEST(FormGroups, GroupsThatOnePlaneExplainsAreMergedAndOthersNot) {
     AddRegion(1, 40, 60, &wall.model);
     AddRegion(2, 0, 40, &wall.model);
     AddRegion(2, 40, 60, &wall.model);
-    const std::vector<GroupMatch> matches = {{{1, 0}, {2, 1}}};
+    const std::vector<GroupObservationPair> matches = {{{1, 0}, {2, 1}}};
     const GroupFormingReport report = FormGroups({}, matches, {}, &wall.model);
     EXPECT_EQ(report.formed, 2);
     EXPECT_EQ(report.merged, depth == 10.0 ? 1 : 0);

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// holba refine: structure for a posed model.
+#include "holba/sfm/refine.h"
+
+#include <filesystem>
+#include <string>
+
+#include "apps/command.h"
+#include "apps/refine/detection.h"
+#include "apps/refine/output.h"
+#include "apps/refine/regions.h"
+#include "apps/refine/report.h"
+#include "holba/base/error.h"
+#include "holba/base/log.h"
+#include "holba/base/timer.h"
+#include "holba/bundle/uncertainty.h"
+#include "holba/estimation/line_leave_one_out.h"
+#include "holba/io/database.h"
+#include "holba/io/model_io.h"
+#include "holba/io/uncertainty_file.h"
+
+namespace holba {
+namespace {
+
+class RefineJob : public Job {
+ public:
+  void Describe(OptionTable* table) override {
+    table->Field("image_path", &image_path_, "Folder of the photographs.");
+    table->Required();
+    table->Field("input_path", &input_path_, "Model with poses and points (COLMAP's).");
+    table->Required();
+    table->Field("output_path", &output_path_,
+                 "Folder of the holistic model, of pictures and of structure.ply.");
+    table->Required();
+    table->Field("database_path", &database_path_,
+                 "COLMAP database that keeps what is found in the photographs, for the next run; "
+                 "empty: database.db in the output folder.");
+    table->Choice("output_type", &format_,
+                  {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
+                  "Format of the model folder.");
+    table->Field("num_pictures", &num_pictures_, AtLeast(-1),
+                 "Photographs that are drawn upon, evenly spread over the model; -1: all.");
+    table->Field("covariances", &covariances_,
+                 "Whether covariances of poses, points, lines and groups are written to "
+                 "covariances.txt.");
+    detection_.Describe(table);
+    regions_.Describe(table);
+    refine_.Describe(table);
+  }
+
+  void Run(const Invocation& invocation) override {
+    const Timer timer;
+    if (!std::filesystem::is_directory(image_path_))
+      throw InputError(image_path_, "there is no such folder (--image_path)");
+    Reconstruction model = ReadModel(input_path_);
+    if (model.images.empty() || model.points3D.empty()) {
+      throw InputError(input_path_,
+                       "this model has no images or no points; structure is built on poses and "
+                       "points: triangulate first (colmap point_triangulator)");
+    }
+    detection_.num_threads = refine_.num_threads = refine_.solver.num_threads;
+
+    RefineOutput output;
+    const std::filesystem::path database_path =
+        database_path_.empty() ? std::filesystem::path(output_path_) / "database.db"
+                               : std::filesystem::path(database_path_);
+    Database database(database_path);
+    const std::map<image_t, image_t> database_id = database.MatchImages(model);
+    const ImageFeatureMap features =
+        DetectFeatures(detection_, image_path_, model, database_id, &database, &output.detection);
+    LogInfo("{}", DetectionText(output.detection, database_path));
+
+    LineMatchMap matches;
+    const auto match_lines = [&](const Reconstruction& posed) {
+      matches = MatchLines(detection_, posed, features, database_id, &database, &output.detection);
+      LogInfo("{}", MatchingText(output.detection));
+      return matches;
+    };
+    RegionObserver observe_regions;
+    if (!detection_.imports.labels.empty()) {
+      observe_regions = [&](Reconstruction* with_lines) {
+        return ObserveRegions(regions_, detection_.imports.correspondences, features, matches,
+                              with_lines, &output.regions);
+      };
+    }
+    output.refine = RefineModel(refine_, features, match_lines, observe_regions, &model,
+                                [](const std::string& text) { LogInfo("{}", text); });
+    output.leave_one_out = LeaveOneOut(model, 4, refine_.num_threads);
+
+    const Timer write_timer;
+    WriteModel(model, output_path_, format_);
+    WriteStructurePly(model, output_path_);
+    if (covariances_) {
+      const auto uncertainty =
+          EstimateUncertainty(model, refine_.AdjustmentOptions(), output.refine.stage1);
+      if (uncertainty) {
+        WriteUncertainty(*uncertainty, std::filesystem::path(output_path_) / "covariances.txt");
+      } else {
+        LogWarning(
+            "No covariances: the normal equations are singular (covariances.txt was not "
+            "written)");
+      }
+    }
+    WritePictures(model, image_path_, output_path_, num_pictures_, refine_.num_threads);
+    output.write_seconds = write_timer.Seconds();
+    output.total_seconds = timer.Seconds();
+    PrintResult(invocation.json ? RefineToJson(output, model).dump(2) + "\n"
+                                : RefineToText(output, model));
+  }
+
+ private:
+  std::string image_path_, input_path_, output_path_, database_path_;
+  ModelFormat format_ = ModelFormat::kBinary;
+  int num_pictures_ = 8;
+  bool covariances_ = false;
+  DetectionOptions detection_;
+  RegionOptions regions_;
+  RefineOptions refine_;
+};
+
+}  // namespace
+
+Command RefineCommand() {
+  return {.name = "refine",
+          .summary = "Build lines, groups and wireframe on a posed model, and adjust all of it",
+          .details =
+              "Finds line segments, corners and vanishing points in the photographs, builds 3D "
+              "lines, planes, vanishing\n"
+              "points, junctions and the wireframe on the model's poses, adjusts everything, and "
+              "writes a model that\n"
+              "COLMAP opens, with pictures and a PLY beside it. What is found in photographs is "
+              "kept in the database;\n"
+              "a second run starts from it.",
+          .supports_json = true,
+          .make_job = [] { return std::make_unique<RefineJob>(); }};
+}
+
+}  // namespace holba

@@ -1,0 +1,368 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apps/refine/detection.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+#include <vector>
+
+#include "holba/base/error.h"
+#include "holba/base/log.h"
+#include "holba/base/threads.h"
+#include "holba/base/timer.h"
+#include "holba/frontend/import_line_matches.h"
+#include "holba/frontend/import_regions.h"
+#include "holba/frontend/photograph.h"
+#include "holba/scene/ideal_view.h"
+
+namespace holba {
+namespace fs = std::filesystem;
+namespace {
+
+// Images detected between two writes to the database: what an interruption may lose.
+constexpr size_t kImagesPerWrite = 8;
+
+std::string TextOf(std::string name, const OptionTable& table) {
+  for (const Option& option : table.options())
+    name += fmt::format(" {}={}", option.name, option.get());
+  return name;
+}
+
+template <typename Options>
+std::string TextOf(std::string name, Options options) {
+  OptionTable table;
+  options.Describe(&table);
+  return TextOf(std::move(name), table);
+}
+
+// FNV-1a: what was made from other bytes was made with other settings.
+uint64_t Hash(const void* data, size_t size, uint64_t hash = 0xcbf29ce484222325ULL) {
+  for (size_t i = 0; i < size; ++i)
+    hash = (hash ^ static_cast<const uint8_t*>(data)[i]) * 0x100000001b3ULL;
+  return hash;
+}
+
+uint64_t HashOf(const ImportedSegments& imported) {
+  uint64_t hash = Hash(imported.descriptors.data(), imported.descriptors.size() * sizeof(float));
+  for (const LineSegment2d& s : imported.segments) {
+    const double values[4] = {s.start.x(), s.start.y(), s.end.x(), s.end.y()};
+    hash = Hash(values, sizeof(values), hash);
+  }
+  return hash;
+}
+
+struct ImageTask {
+  image_t image_id, database_id;
+  const Image* image;
+  const Camera* camera;
+  fs::path path;
+  const ImportedSegments* imported = nullptr;
+  std::string feature_settings, vp_settings;
+  bool has_features = false, has_vps = false;
+  ImageFeatures features;
+};
+
+void ReadStored(const Database& database, ImageTask* task) {
+  ImageFeatures& f = task->features;
+  const std::string& settings = task->feature_settings;
+  auto segments = database.ReadSegments(task->database_id, settings);
+  auto descriptors = database.ReadSegmentDescriptors(task->database_id, settings);
+  auto corners = database.ReadCorners(task->database_id, settings);
+  if (!segments || !descriptors || !corners) return;
+  f.segments = std::move(*segments);
+  f.segment_descriptors = std::move(*descriptors);
+  f.corners = std::move(corners->positions);
+  f.corner_descriptors = std::move(corners->descriptors);
+  task->has_features = true;
+  if (auto vps = database.ReadVanishingPoints(task->database_id, task->vp_settings)) {
+    f.vanishing_points = std::move(vps->points);
+    f.vp_of_segment = std::move(vps->vp_of_segment);
+    task->has_vps = true;
+  }
+}
+
+void Detect(const DetectionOptions& options, const Reconstruction& model, ImageTask* task) {
+  ImageFeatures& f = task->features;
+  if (!task->has_features) {
+    const GreyImage photograph = ReadGreyImage(task->path);
+    if (static_cast<uint64_t>(photograph.width) != task->camera->width ||
+        static_cast<uint64_t>(photograph.height) != task->camera->height) {
+      throw InputError(
+          task->path,
+          fmt::format("the photograph has {} x {} pixels, its camera in the model {} x {}; "
+                      "--image_path must be the folder of the photographs that the model "
+                      "was made from",
+                      photograph.width, photograph.height, task->camera->width,
+                      task->camera->height));
+    }
+    f = ExtractFeatures(options.extraction, photograph, *task->camera,
+                        task->imported ? &task->imported->segments : nullptr);
+    if (task->imported && !task->imported->descriptors.empty())
+      f.segment_descriptors = task->imported->descriptors;
+  }
+  // A segment without ideal pixels runs to no vanishing point.
+  const IdealView view(model, task->image_id);
+  std::vector<LineSegment2d> ideal;
+  std::vector<size_t> idx_of_ideal;
+  for (size_t i = 0; i < f.segments.size(); ++i) {
+    if (const auto segment = view.ToIdeal(f.segments[i])) {
+      ideal.push_back(*segment);
+      idx_of_ideal.push_back(i);
+    }
+  }
+  VanishingPoints found = DetectVanishingPoints(options.vps, ideal, view.K());
+  f.vanishing_points = std::move(found.points);
+  f.vp_of_segment.assign(f.segments.size(), -1);
+  for (size_t i = 0; i < ideal.size(); ++i)
+    f.vp_of_segment[idx_of_ideal[i]] = found.vp_of_segment[i];
+}
+
+void Store(const ImageTask& task, Database* database) {
+  Database::Transaction transaction(database);
+  const ImageFeatures& f = task.features;
+  if (!task.has_features) {
+    database->WriteSegments(task.database_id, task.feature_settings, f.segments);
+    database->WriteSegmentDescriptors(task.database_id, task.feature_settings,
+                                      f.segment_descriptors);
+    database->WriteCorners(task.database_id, task.feature_settings,
+                           {f.corners, f.corner_descriptors});
+  }
+  database->WriteVanishingPoints(task.database_id, task.vp_settings,
+                                 {f.vanishing_points, f.vp_of_segment});
+  transaction.Commit();
+}
+
+// Pairs whose segments are worth matching, and where they see the same points.
+std::map<ImagePair, std::vector<SharedPoint>> PairsWithSharedPoints(const DetectionOptions& options,
+                                                                    const Reconstruction& model) {
+  std::map<ImagePair, std::vector<SharedPoint>> shared;
+  for (const auto& [point_id, point] : model.points3D) {
+    for (size_t a = 0; a < point.track.size(); ++a) {
+      for (size_t b = 0; b < point.track.size(); ++b) {
+        const PointObservation &first = point.track[a], &second = point.track[b];
+        if (first.image_id >= second.image_id) continue;
+        shared[{first.image_id, second.image_id}].emplace_back(
+            model.images.at(first.image_id).points2D[first.point2D_idx].xy,
+            model.images.at(second.image_id).points2D[second.point2D_idx].xy);
+      }
+    }
+  }
+  std::map<image_t, std::vector<std::pair<size_t, image_t>>> partners;
+  for (const auto& [pair, points] : shared) {
+    if (points.size() < static_cast<size_t>(options.min_shared_points)) continue;
+    partners[pair.first].emplace_back(points.size(), pair.second);
+    partners[pair.second].emplace_back(points.size(), pair.first);
+  }
+  std::set<ImagePair> chosen;
+  for (auto& [image_id, list] : partners) {
+    std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) {
+      return a.first != b.first ? a.first > b.first : a.second < b.second;
+    });
+    list.resize(std::min(list.size(), static_cast<size_t>(options.max_pairs_per_image)));
+    for (const auto& [count, partner] : list)
+      chosen.insert({std::min(image_id, partner), std::max(image_id, partner)});
+  }
+  std::erase_if(shared, [&](const auto& entry) { return !chosen.contains(entry.first); });
+  return shared;
+}
+
+}  // namespace
+
+void ImportPaths::Describe(OptionTable* table) {
+  table->Section("Import");
+  table->Field("segments_path", &segments,
+               "Line segments of another detector (text, npz, npy, HDF5), used instead of ours.");
+  table->Field("line_matches_path", &line_matches,
+               "Matches of those segments (text, npz, HDF5), used instead of ours.");
+  table->Field("labels_path", &labels,
+               "Folder of label maps (PNG) with a JSON that says what the labels are.");
+  table->Field("normals_path", &normals, "Folder of normal maps (npy, npz, PNG, COLMAP's).");
+  table->Field("depths_path", &depths, "Folder of depth maps (npy, npz, PNG, COLMAP's).");
+  table->Field("correspondences_path", &correspondences,
+               "Folder of dense correspondences that carry labelled regions from image to image; "
+               "without it regions are matched by the features they share.");
+}
+
+void DetectionOptions::Describe(OptionTable* table) {
+  imports.Describe(table);
+  segment_import.Describe(table);
+  region_normals.Describe(table);
+  extraction.Describe(table);
+  vps.Describe(table);
+  matching.Describe(table);
+  table->Section("LineMatching");
+  table->Field("max_pairs_per_image", &max_pairs_per_image, AtLeast(1),
+               "Images whose segments are matched with those of an image: those that share most "
+               "points with it.");
+  table->Field("min_shared_points", &min_shared_points, AtLeast(0),
+               "Points that such images share at least.");
+}
+
+ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& image_path,
+                               const Reconstruction& model,
+                               const std::map<image_t, image_t>& database_id, Database* database,
+                               DetectionReport* report) {
+  const Timer timer;
+  std::map<image_t, ImportedSegments> imported;
+  if (!options.imports.segments.empty()) {
+    SegmentImportReport import_report;
+    imported =
+        ImportSegments(options.imports.segments, model, options.segment_import, &import_report);
+    report->dropped.merge(import_report.dropped);
+    LogInfo(
+        "Imported {} segments of {} images; {} images of the model are not in the files, {} names "
+        "of the files are not in the model",
+        import_report.num_segments, import_report.num_images, import_report.num_images_without,
+        import_report.num_unknown_names);
+  }
+
+  std::vector<ImageTask> tasks;
+  const std::string vp_text = TextOf("vanishing points 1", options.vps);
+  for (const auto& [image_id, image] : model.images) {
+    ImageTask task{image_id, database_id.at(image_id), &image, &model.cameras.at(image.camera_id),
+                   image_path / image.name};
+    task.feature_settings = SettingsOf(options.extraction, *task.camera);
+    std::error_code error;
+    const auto bytes = fs::file_size(task.path, error);
+    task.feature_settings += fmt::format(" file={}", error ? 0 : bytes);
+    if (!options.imports.segments.empty()) {
+      // An image that the files do not have has no segments.
+      task.imported = &imported[image_id];
+      task.feature_settings += fmt::format(" imported={:016x}", HashOf(*task.imported));
+    }
+    task.vp_settings =
+        fmt::format("{} of {} camera={}", vp_text, task.feature_settings, ToString(*task.camera));
+    tasks.push_back(std::move(task));
+  }
+  for (ImageTask& task : tasks) ReadStored(*database, &task);
+
+  std::vector<ImageTask*> open;
+  for (ImageTask& task : tasks) {
+    if (!task.has_vps) open.push_back(&task);
+  }
+  report->num_images = tasks.size();
+  report->images_reused = tasks.size() - open.size();
+  for (size_t begin = 0; begin < open.size(); begin += kImagesPerWrite) {
+    const size_t count = std::min(kImagesPerWrite, open.size() - begin);
+    ParallelTasks(options.num_threads, count,
+                  [&](size_t i) { Detect(options, model, open[begin + i]); });
+    Database::Transaction transaction(database);
+    for (size_t i = 0; i < count; ++i) Store(*open[begin + i], database);
+    transaction.Commit();
+  }
+
+  ImageFeatureMap features;
+  for (ImageTask& task : tasks) {
+    ImageFeatures& f = task.features;
+    report->num_segments += f.segments.size();
+    report->num_corners += f.corners.size();
+    report->num_vanishing_points += f.vanishing_points.size();
+    features.emplace(task.image_id, std::move(f));
+  }
+  if (!options.imports.labels.empty()) {
+    RegionImportReport regions;
+    ImportRegions({options.imports.labels, options.imports.normals, options.imports.depths}, model,
+                  options.region_normals, options.num_threads, &features, &regions);
+    report->num_labelled_regions = regions.num_regions;
+    report->dropped.merge(regions.dropped);
+    const std::string settings = TextOf("imported", options.region_normals);
+    Database::Transaction transaction(database);
+    for (const auto& [image_id, f] : features) {
+      database->WriteLabelMap(database_id.at(image_id), settings, f.label_map);
+      database->WriteNormals(database_id.at(image_id), settings, f.normals);
+    }
+    transaction.Commit();
+  }
+  report->detect_seconds = timer.Seconds();
+  return features;
+}
+
+LineMatchMap MatchLines(const DetectionOptions& options, const Reconstruction& model,
+                        const ImageFeatureMap& features,
+                        const std::map<image_t, image_t>& database_id, Database* database,
+                        DetectionReport* report) {
+  const Timer timer;
+  LineMatchMap matches;
+  if (!options.imports.line_matches.empty()) {
+    if (options.imports.segments.empty()) {
+      throw InputError(
+          "--Import.line_matches_path needs --Import.segments_path: the indices of a "
+          "file of matches count the segments of its detector");
+    }
+    LineMatchImportReport import_report;
+    SegmentImportReport segment_report;
+    matches = ImportLineMatches(
+        options.imports.line_matches, model,
+        ImportSegments(options.imports.segments, model, options.segment_import, &segment_report),
+        &import_report);
+    report->dropped.merge(import_report.dropped);
+    report->num_pairs = import_report.num_pairs;
+    report->num_line_matches = import_report.num_matches;
+    const std::string settings = "imported";
+    Database::Transaction transaction(database);
+    for (const auto& [pair, list] : matches)
+      database->WriteLineMatches(database_id.at(pair.first), database_id.at(pair.second), settings,
+                                 list);
+    transaction.Commit();
+    report->match_seconds = timer.Seconds();
+    return matches;
+  }
+
+  const auto shared = PairsWithSharedPoints(options, model);
+  const std::string text = TextOf("guided matching 1", options.matching);
+  // The segments are the stored ones (new ones remove their matches).
+  const auto settings_of = [&](const std::vector<SharedPoint>& points, const Eigen::Matrix3d& F) {
+    return fmt::format("{} geometry={:016x} points={}", text, Hash(F.data(), 9 * sizeof(double)),
+                       points.size());
+  };
+  struct PairTask {
+    ImagePair pair;
+    const std::vector<SharedPoint>* points;
+    Eigen::Matrix3d F;
+    std::string settings;
+    std::vector<LineMatch> matches;
+  };
+  std::vector<PairTask> open;
+  for (const auto& [pair, points] : shared) {
+    const Eigen::Matrix3d F =
+        FundamentalMatrix(IdealView(model, pair.first), IdealView(model, pair.second));
+    std::string settings = settings_of(points, F);
+    auto stored = database->ReadLineMatches(database_id.at(pair.first), database_id.at(pair.second),
+                                            settings);
+    if (stored) {
+      matches.emplace(pair, std::move(*stored));
+    } else {
+      open.push_back({pair, &points, F, std::move(settings), {}});
+    }
+  }
+  report->num_pairs = shared.size();
+  report->pairs_reused = matches.size();
+
+  std::map<image_t, MatchableSegments> matchable;
+  for (const PairTask& task : open) {
+    for (image_t id : {task.pair.first, task.pair.second}) {
+      if (matchable.contains(id)) continue;
+      matchable.emplace(
+          id, MakeMatchable(features.at(id), model.cameras.at(model.images.at(id).camera_id)));
+    }
+  }
+  ParallelTasks(options.num_threads, open.size(), [&](size_t i) {
+    PairTask& task = open[i];
+    const auto& [id1, id2] = task.pair;
+    task.matches =
+        MatchSegments(options.matching, matchable.at(id1), matchable.at(id2), *task.points, task.F);
+  });
+  Database::Transaction transaction(database);
+  for (PairTask& task : open) {
+    database->WriteLineMatches(database_id.at(task.pair.first), database_id.at(task.pair.second),
+                               task.settings, task.matches);
+    matches.emplace(task.pair, std::move(task.matches));
+  }
+  transaction.Commit();
+  for (const auto& [pair, list] : matches) report->num_line_matches += list.size();
+  report->match_seconds = timer.Seconds();
+  return matches;
+}
+
+}  // namespace holba

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What is in the photographs of a model: detected, imported or taken from the database, and kept
+// there. First of the steps of `holba refine`.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+
+#include "holba/estimation/vanishing_points.h"
+#include "holba/frontend/feature_extractor.h"
+#include "holba/frontend/import_dense_maps.h"
+#include "holba/frontend/import_segments.h"
+#include "holba/frontend/label_maps.h"
+#include "holba/frontend/line_matching.h"
+#include "holba/io/database.h"
+#include "holba/scene/image_features.h"
+#include "holba/scene/reconstruction.h"
+
+namespace holba {
+
+// Files of other programs (docs/import.md); empty: none.
+struct ImportPaths {
+  std::string segments;
+  std::string line_matches;
+  std::string labels;
+  std::string normals;
+  std::string depths;
+  std::string correspondences;
+
+  void Describe(OptionTable* table);
+};
+
+struct DetectionOptions {
+  ImportPaths imports;
+  SegmentImportOptions segment_import;
+  RegionNormalOptions region_normals;
+  ExtractionOptions extraction;
+  VanishingPointOptions vps;
+  LineMatchingOptions matching;
+  // Pairs of images whose segments are matched: for each image those that share most points with
+  // it, with at least this many shared points.
+  int max_pairs_per_image = 20;
+  int min_shared_points = 10;
+  int num_threads = -1;
+
+  void Describe(OptionTable* table);
+};
+
+struct DetectionReport {
+  size_t num_images = 0;
+  size_t images_reused = 0;  // all of it was in the database
+  size_t num_segments = 0, num_corners = 0, num_vanishing_points = 0, num_labelled_regions = 0;
+  size_t num_pairs = 0, pairs_reused = 0;
+  size_t num_line_matches = 0;
+  std::map<std::string, size_t> dropped;  // of imports
+  double detect_seconds = 0.0, match_seconds = 0.0;
+};
+
+// Features of every image of the model. `database_id`: Database::MatchImages.
+ImageFeatureMap DetectFeatures(const DetectionOptions& options,
+                               const std::filesystem::path& image_path, const Reconstruction& model,
+                               const std::map<image_t, image_t>& database_id, Database* database,
+                               DetectionReport* report);
+
+// Matches of segments of pairs of images that share points.
+LineMatchMap MatchLines(const DetectionOptions& options, const Reconstruction& model,
+                        const ImageFeatureMap& features,
+                        const std::map<image_t, image_t>& database_id, Database* database,
+                        DetectionReport* report);
+
+}  // namespace holba

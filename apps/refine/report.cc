@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apps/refine/report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+#include <vector>
+
+#include "apps/report.h"
+#include "holba/base/memory.h"
+
+namespace holba {
+namespace {
+
+using nlohmann::json;
+
+// What the model holds, counted from the model itself.
+struct ModelCounts {
+  size_t lines_in_4_images = 0;
+  std::map<std::string, size_t> groups;  // by type
+  size_t points_on_planes = 0, lines_on_planes = 0, lines_with_vp = 0;
+  size_t junctions = 0, corners = 0;
+};
+
+ModelCounts Count(const RefineOutput& output, const Reconstruction& model) {
+  ModelCounts counts;
+  for (const auto& [id, line] : model.lines3D) {
+    std::set<image_t> images;
+    for (const LineObservation& o : line.track) images.insert(o.image_id);
+    counts.lines_in_4_images += images.size() >= 4;
+  }
+  std::set<point3D_t> on_planes;
+  std::set<line3D_t> lines_on_planes, lines_with_vp;
+  for (const auto& [id, group] : model.groups3D) {
+    ++counts.groups[std::string(group.type->name)];
+    if (group.type->name == "PLANE") {
+      on_planes.insert(group.point3D_ids.begin(), group.point3D_ids.end());
+      lines_on_planes.insert(group.line3D_ids.begin(), group.line3D_ids.end());
+    }
+    if (group.type->IsParallelism())
+      lines_with_vp.insert(group.line3D_ids.begin(), group.line3D_ids.end());
+  }
+  counts.points_on_planes = on_planes.size();
+  counts.lines_on_planes = lines_on_planes.size();
+  counts.lines_with_vp = lines_with_vp.size();
+  for (const Junction& junction : output.refine.structure.junctions.junctions)
+    counts.junctions += model.points3D.contains(junction.point3D_id);
+  for (point3D_t id : output.refine.structure.corners.point3D_ids)
+    counts.corners += model.points3D.contains(id);
+  return counts;
+}
+
+// Everything that was not taken, by step and reason, most frequent first in text.
+std::map<std::string, std::map<std::string, size_t>> Refusals(const RefineOutput& output) {
+  const StructureReport& s = output.refine.structure;
+  std::map<std::string, std::map<std::string, size_t>> refusals;
+  const auto add = [&](const char* step, const std::map<std::string, size_t>& dropped) {
+    for (const auto& [reason, count] : dropped) {
+      if (count) refusals[step][reason] = count;
+    }
+  };
+  add("import", output.detection.dropped);
+  add("vanishing points", s.vps.dropped);
+  add("planes", s.planes.dropped);
+  add("planes among corners and junctions", s.small_planes.dropped);
+  add("regions of images", output.regions.dropped);
+  add("groups of regions", s.regions.dropped);
+  add("lines", s.lines.dropped);
+  add("lines of vanishing points", s.line_labels.dropped);
+  add("lines on planes", s.plane_lines.dropped);
+  add("points on planes", s.plane_points.dropped);
+  add("members of groups", s.members.dropped);
+  add("junctions", s.junctions.dropped);
+  add("corners", s.corners.dropped);
+  add("wireframe", s.wireframe.dropped);
+  add("relations", s.relations.dropped);
+  add("uncertain features", output.refine.reliability.reasons);
+  add("associations that failed their test", output.refine.rejected);
+  return refusals;
+}
+
+}  // namespace
+
+json RefineToJson(const RefineOutput& output, const Reconstruction& model) {
+  const ModelCounts counts = Count(output, model);
+  const StructureReport& s = output.refine.structure;
+  const DetectionReport& d = output.detection;
+  json proposals = json::object();
+  for (int kind = 0; kind < kNumProposalKinds; ++kind) {
+    proposals[std::string(kProposalNames[kind])] = {{"made", s.lines.proposals[kind]},
+                                                    {"best", s.lines.best_proposals[kind]}};
+  }
+  return {{"images", d.num_images},
+          {"database",
+           {{"images_reused", d.images_reused},
+            {"images_detected", d.num_images - d.images_reused},
+            {"pairs_reused", d.pairs_reused},
+            {"pairs_matched", d.num_pairs - d.pairs_reused}}},
+          {"segments", d.num_segments},
+          {"image_vanishing_points", d.num_vanishing_points},
+          {"image_corners", d.num_corners},
+          {"line_matches", d.num_line_matches},
+          {"regions",
+           {{"labelled", d.num_labelled_regions},
+            {"groups2D", output.regions.num_groups2D},
+            {"matches", output.regions.num_matches},
+            {"groups3D", s.regions.formed_by_type}}},
+          {"lines",
+           {{"all", model.lines3D.size()},
+            {"in_4_or_more_images", counts.lines_in_4_images},
+            {"reliable_1_percent", s.lines.num_reliable_with_4_images},
+            {"held_to_direction", s.lines.num_held_to_direction},
+            {"held_to_plane", s.lines.num_held_to_plane},
+            {"with_vanishing_point", counts.lines_with_vp},
+            {"on_planes", counts.lines_on_planes},
+            {"leave_one_out_median_px", output.leave_one_out.median_px},
+            {"leave_one_out_share_below_1_px", output.leave_one_out.share_below_1_px},
+            {"proposals", proposals}}},
+          {"groups", counts.groups},
+          {"points_on_planes", counts.points_on_planes},
+          {"junctions", counts.junctions},
+          {"corners", counts.corners},
+          {"edges", model.wireframe.size()},
+          {"relations", model.relations.size()},
+          {"refused", Refusals(output)},
+          {"points_alone", SummaryToJson(output.refine.points_alone)},
+          {"stage1", SummaryToJson(output.refine.stage1)},
+          {"stage2", SummaryToJson(output.refine.stage2)},
+          {"seconds",
+           {{"detect", d.detect_seconds},
+            {"match", d.match_seconds},
+            {"structure", output.refine.structure_seconds},
+            {"structure_steps", s.seconds},
+            {"adjust", output.refine.adjust_seconds},
+            {"write", output.write_seconds},
+            {"total", output.total_seconds}}},
+          {"peak_memory_mb", PeakMemoryMb()}};
+}
+
+std::string RefineToText(const RefineOutput& output, const Reconstruction& model) {
+  const ModelCounts counts = Count(output, model);
+  const StructureReport& s = output.refine.structure;
+  std::string text = fmt::format(
+      "lines            {} ({} in 4 or more images, {} of these with ends known to 1 % of their "
+      "depth)\n"
+      "                 left-out images are foretold to {:.2f} px (median)\n"
+      "vanishing points {} with {} lines\n",
+      model.lines3D.size(), counts.lines_in_4_images, s.lines.num_reliable_with_4_images,
+      output.leave_one_out.median_px, counts.groups.contains("VP") ? counts.groups.at("VP") : 0,
+      counts.lines_with_vp);
+  for (const auto& [type, count] : counts.groups) {
+    if (type != "VP") text += fmt::format("{:<16} {}\n", type, count);
+  }
+  text += fmt::format(
+      "on planes        {} points, {} lines\n"
+      "junctions        {}\n"
+      "corners          {}\n"
+      "wireframe edges  {}\n"
+      "relations        {}\n",
+      counts.points_on_planes, counts.lines_on_planes, counts.junctions, counts.corners,
+      model.wireframe.size(), model.relations.size());
+  text += "\nNot taken, and why:\n";
+  for (const auto& [step, reasons] : Refusals(output)) {
+    text += fmt::format("  {}\n", step);
+    std::vector<std::pair<size_t, std::string>> sorted;
+    for (const auto& [reason, count] : reasons) sorted.emplace_back(count, reason);
+    std::sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) {
+      return a.first != b.first ? a.first > b.first : a.second < b.second;
+    });
+    for (const auto& [count, reason] : sorted) text += fmt::format("  {:>8}  {}\n", count, reason);
+  }
+  text += "\nLast adjustment of cameras, reliable features, groups and wireframe:\n" +
+          SummaryToText(output.refine.stage1);
+  text += fmt::format(
+      "\n{:.1f} s: detect {:.1f}, match {:.1f}, structure {:.1f}, adjust {:.1f}, write {:.1f}\n",
+      output.total_seconds, output.detection.detect_seconds, output.detection.match_seconds,
+      output.refine.structure_seconds, output.refine.adjust_seconds, output.write_seconds);
+  return text;
+}
+
+std::string DetectionText(const DetectionReport& report, const std::filesystem::path& database) {
+  return fmt::format(
+      "{} images: {} segments, {} vanishing points, {} corners ({} images from {}, {} detected), "
+      "{:.1f} s",
+      report.num_images, report.num_segments, report.num_vanishing_points, report.num_corners,
+      report.images_reused, database.string(), report.num_images - report.images_reused,
+      report.detect_seconds);
+}
+
+std::string MatchingText(const DetectionReport& report) {
+  return fmt::format(
+      "{} pairs of images: {} matches of segments ({} pairs from the database, {} matched), {:.1f} "
+      "s",
+      report.num_pairs, report.num_line_matches, report.pairs_reused,
+      report.num_pairs - report.pairs_reused, report.match_seconds);
+}
+
+}  // namespace holba

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/sfm/refine.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "holba/base/timer.h"
+#include "holba/bundle/bundle_problem.h"
+#include "holba/scene/selection.h"
+
+namespace holba {
+namespace {
+
+// Standard deviation of a term's residuals at the model, px; `otherwise` where there are none.
+double SigmaPx(const BundleSummary& summary, const std::string& term, double otherwise) {
+  const auto it = summary.auto_sigmas.find(term);
+  return it != summary.auto_sigmas.end() && it->second > 0.0 ? it->second : otherwise;
+}
+
+void HoldCameras(BundleOptions* options) {
+  options->fix_poses = true;
+  options->refine_focal_length = options->refine_principal_point = options->refine_extra_params =
+      false;
+}
+
+// One run of RefineModel.
+class Refiner {
+ public:
+  Refiner(const RefineOptions& options, const ImageFeatureMap& features, Reconstruction* model,
+          const std::function<void(const std::string&)>& log)
+      : options_(options), features_(features), model_(*model), log_(log) {
+    bundle_ = options.AdjustmentOptions();
+  }
+
+  RefineReport Run(const LineMatcher& match_lines, const RegionObserver& observe_regions) {
+    const Timer timer;
+    RemoveStructure(&model_);
+    AdjustPoints();
+    const double points_seconds = timer.Seconds();
+
+    const LineMatchMap matches = match_lines(model_);
+    const Timer structure_timer;
+    report_.structure = BuildStructure(options_.structure, features_, &matches, observe_regions,
+                                       options_.num_threads, &model_);
+    report_.structure_seconds = structure_timer.Seconds();
+
+    const Timer adjust_timer;
+    for (int round = 0; round < options_.num_rounds; ++round) {
+      Classify();
+      Stage1();
+      Stage2();
+      if (round + 1 < options_.num_rounds) {
+        UpdateAssociations(options_.structure, &model_, &report_.structure);
+      }
+    }
+    Classify();
+    FormGroupObservations();
+    UpdateErrors(&model_);
+    report_.adjust_seconds = points_seconds + adjust_timer.Seconds();
+    return std::move(report_);
+  }
+
+ private:
+  static void HoldCameras(BundleOptions* options) {
+    options->fix_poses = true;
+    options->refine_focal_length = options->refine_principal_point = options->refine_extra_params =
+        false;
+  }
+
+  void Log(const std::string& text) const {
+    if (log_) log_(text);
+  }
+
+  // Structure is worth most on good poses; COLMAP's follow the few wrong observations.
+  void AdjustPoints() {
+    BundleOptions options = bundle_;
+    options.config = BundleConfig::kPoint;
+    options.refit_others = false;
+    report_.points_alone = AdjustBundle(options, options_.solver, &model_);
+    Log(fmt::format("Points alone: sigma {:.3f} px", SigmaPx(report_.points_alone, "point", 0.0)));
+  }
+
+  void Classify() {
+    const BundleSummary& last =
+        report_.stage1.auto_sigmas.empty() ? report_.points_alone : report_.stage1;
+    const double point_sigma_px = SigmaPx(last, "point", 1.0);
+    report_.reliability = ClassifyFeatures(options_.reliability, point_sigma_px,
+                                           SigmaPx(last, "line", options_.structure.lines.sigma_px),
+                                           options_.num_threads, model_);
+    Log(fmt::format("Uncertain: {} of {} points, {} of {} lines",
+                    report_.reliability.unreliable_points.size(), model_.points3D.size(),
+                    report_.reliability.unreliable_lines.size(), model_.lines3D.size()));
+  }
+
+  // Cameras, reliable features, groups, wireframe.
+  void Stage1() {
+    const Reliability& reliability = report_.reliability;
+    Reconstruction part = Select(
+        model_,
+        {.keep_point = [&](point3D_t id,
+                           const Point3D&) { return !reliability.unreliable_points.contains(id); },
+         .keep_line = [&](line3D_t id,
+                          const Line3D&) { return !reliability.unreliable_lines.contains(id); },
+         .keep_group = {}});
+    // Groups with too little active support would be free to go anywhere.
+    part = Select(
+        part, {.keep_point = {},
+               .keep_line = {},
+               .keep_group = [](group3D_t, const Group3D& group) { return IsSupported(group); }});
+    report_.stage1 = AdjustBundle(bundle_, options_.solver, &part, {}, log_);
+    CopyValues(part, &model_);
+    Reject(report_.stage1.filter);
+  }
+
+  // Unreliable features on the cameras and groups as they are.
+  void Stage2() {
+    const Reliability& reliability = report_.reliability;
+    if (reliability.unreliable_points.empty() && reliability.unreliable_lines.empty()) return;
+    Reconstruction part = Select(
+        model_,
+        {.keep_point = [&](point3D_t id,
+                           const Point3D&) { return reliability.unreliable_points.contains(id); },
+         .keep_line = [&](line3D_t id,
+                          const Line3D&) { return reliability.unreliable_lines.contains(id); },
+         .keep_group = {}});
+    // A group of uncertain features alone is what they make of it.
+    const auto by_reliable = [&](group3D_t id, const Group3D& group) {
+      return !group.point3D_ids.empty() || !group.line3D_ids.empty();
+    };
+    part = Select(part, {.keep_point = {}, .keep_line = {}, .keep_group = by_reliable});
+    BundleOptions options = bundle_;
+    HoldCameras(&options);
+    options.fix_groups = true;
+    report_.stage2 = AdjustBundle(options, options_.solver, &part, {}, log_);
+    CopyValues(part, &model_);
+    AssociationFilter filter = report_.stage2.filter;
+    // The group is judged by its reliable members, in stage 1.
+    filter.groups.clear();
+    Reject(filter);
+  }
+
+  static bool IsSupported(const Group3D& group) {
+    return group.point3D_ids.size() + group.line3D_ids.size() >= kMinSupport;
+  }
+
+  // Takes associations that failed their tests out of the model.
+  void Reject(const AssociationFilter& filter) {
+    for (auto& [id, group] : model_.groups3D) {
+      const std::string type(group.type->name);
+      report_.rejected[type + " points"] += std::erase_if(group.point3D_ids, [&](point3D_t p) {
+        return filter.points.contains({id, p});
+      });
+      report_.rejected[type + " lines"] += std::erase_if(group.line3D_ids, [&](line3D_t l) {
+        return filter.lines.contains({id, l});
+      });
+    }
+    report_.rejected["wireframe edges"] += std::erase_if(model_.wireframe, [&](const auto& edge) {
+      return filter.edges.contains({edge.point3D_id, edge.line3D_id});
+    });
+    if (filter.groups.empty()) return;
+    for (group3D_t id : filter.groups) {
+      const Group3D* group = model_.groups3D.Find(id);
+      if (group) ++report_.rejected[std::string(group->type->name) + " groups"];
+    }
+    model_ =
+        Select(model_,
+               {.keep_point = {}, .keep_line = {}, .keep_group = [&](group3D_t id, const Group3D&) {
+                  return !filter.groups.contains(id);
+                }});
+  }
+
+  void FormGroupObservations() {
+    std::erase_if(report_.rejected, [](const auto& entry) { return entry.second == 0; });
+    ObserveGroups(&model_);
+  }
+
+  // Members that a group needs to take part in stage 1.
+  static constexpr size_t kMinSupport = 3;
+
+  const RefineOptions& options_;
+  const ImageFeatureMap& features_;
+  Reconstruction& model_;
+  const std::function<void(const std::string&)>& log_;
+  BundleOptions bundle_;
+  RefineReport report_;
+};
+
+}  // namespace
+
+RefineOptions::RefineOptions() {
+  // Gated associations bear strong weights (docs/adjust.md).
+  bundle[TermFamily::kGroup].weight = 5.0;
+  bundle[TermFamily::kWireframe].weight = 1.0;
+}
+
+BundleOptions RefineOptions::AdjustmentOptions() const {
+  BundleOptions options = bundle;
+  if (fix_poses) HoldCameras(&options);
+  return options;
+}
+
+void RefineOptions::Describe(OptionTable* table) {
+  table->Section("Refine");
+  table->Field("fix_poses", &fix_poses, "Whether poses and intrinsics stay as they are.");
+  table->Field("num_rounds", &num_rounds, Between(1, 10),
+               "Rounds of adjusting (reliable features with cameras, then the others) and "
+               "estimating associations anew.");
+  structure.Describe(table);
+  reliability.Describe(table);
+  bundle.Describe(table);
+  solver.Describe(table);
+}
+
+RefineReport RefineModel(const RefineOptions& options, const ImageFeatureMap& features,
+                         const LineMatcher& match_lines, const RegionObserver& observe_regions,
+                         Reconstruction* model,
+                         const std::function<void(const std::string&)>& log) {
+  return Refiner(options, features, model, log).Run(match_lines, observe_regions);
+}
+
+}  // namespace holba

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// From a posed model of points to a holistic one: structure is built on the poses, then everything
+// is adjusted in two stages, cameras with what is reliable first, the rest on the cameras after it
+// (paper, appendix "Reliability-Aware Refinement"); associations are estimated anew after each.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "holba/bundle/adjust_bundle.h"
+#include "holba/sfm/reliability.h"
+#include "holba/sfm/structure.h"
+#include "holba/solver/solver.h"
+
+namespace holba {
+
+struct RefineOptions {
+  StructureOptions structure;
+  ReliabilityOptions reliability;
+  BundleOptions bundle;
+  SolverOptions solver;
+  // Poses and intrinsics stay as they are: the paper's refinement of geometry.
+  bool fix_poses = false;
+  // Of both stages; associations are estimated anew before the next.
+  int num_rounds = 2;
+  int num_threads = -1;
+
+  RefineOptions();
+  // Of stage 1.
+  BundleOptions AdjustmentOptions() const;
+  void Describe(OptionTable* table);
+};
+
+struct RefineReport {
+  // Points alone, before structure is built; absent where poses are held.
+  BundleSummary points_alone;
+  StructureReport structure;
+  // Of the last round.
+  BundleSummary stage1, stage2;
+  Reliability reliability;
+  // Associations that the tests of all stages threw out, by kind.
+  std::map<std::string, size_t> rejected;
+  double structure_seconds = 0.0, adjust_seconds = 0.0;
+};
+
+// Matches segments on the poses that structure is built on.
+using LineMatcher = std::function<LineMatchMap(const Reconstruction&)>;
+
+// The model holds poses and points; what structure it has is replaced. `observe_regions` may be
+// empty. `log`: a sentence for each step.
+RefineReport RefineModel(const RefineOptions& options, const ImageFeatureMap& features,
+                         const LineMatcher& match_lines, const RegionObserver& observe_regions,
+                         Reconstruction* model, const std::function<void(const std::string&)>& log);
+
+}  // namespace holba
