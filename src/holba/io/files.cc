@@ -48,6 +48,15 @@ bool Exchange(const fs::path& a, const fs::path& b) {
 #endif
 }
 
+// Absolute, without links as far as it exists: a bare name has a parent, too.
+fs::path CanonicalPath(const fs::path& path) {
+  std::error_code error;
+  fs::path canonical = fs::absolute(path, error);
+  if (!error) canonical = fs::weakly_canonical(canonical, error);
+  if (error) throw InputError(path, "cannot be written: " + error.message());
+  return canonical;
+}
+
 bool HoldsCurrentFolder(const fs::path& folder) {
   std::error_code ignored;
   const fs::path current = fs::current_path(ignored);
@@ -75,8 +84,7 @@ std::string ReadFileBytes(const fs::path& path) {
 
 void WriteFileWhole(const fs::path& path, const std::function<void(std::ostream*)>& write) {
   std::error_code error;
-  const fs::path target = fs::weakly_canonical(path, error);
-  if (error) throw InputError(path, "cannot be written: " + error.message());
+  const fs::path target = CanonicalPath(path);
   if (fs::is_directory(target)) throw InputError(path, "expected a file to write, found a folder");
   // A device or pipe is written to, not replaced.
   if (fs::exists(target) && !fs::is_regular_file(target)) return WriteTo(target, path, write);
@@ -98,8 +106,7 @@ void WriteFileWhole(const fs::path& path, const std::function<void(std::ostream*
 
 StagedFolder::StagedFolder(const fs::path& target) {
   std::error_code error;
-  target_ = fs::weakly_canonical(target, error);
-  if (error) throw InputError(target, "cannot be written: " + error.message());
+  target_ = CanonicalPath(target);
   if (!target_.has_filename()) target_ = target_.parent_path();
   const bool exists = fs::exists(target_);
   if (exists && !fs::is_directory(target_)) {

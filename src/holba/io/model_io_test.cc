@@ -97,6 +97,20 @@ TEST(ModelIo, TheCurrentFolderIsWrittenInPlace) {
   EXPECT_THAT(ListFolder(folder.path()), ElementsAre("m"));
 }
 
+TEST(ModelIo, ANameWithoutAFolderIsOneInTheCurrentFolder) {
+  const TestFolder folder;
+  const fs::path before = fs::current_path();
+  const Reconstruction model = RandomModel(5, {.with_rigs = false});
+  fs::current_path(folder.path());
+  for (const char* name : {"bare", "slash/"}) WriteModel(model, name, ModelFormat::kBinary);
+  WriteFileWhole("file", [](std::ostream* stream) { *stream << "text"; });
+  fs::current_path(before);
+  EXPECT_THAT(ListFolder(folder.path()), ElementsAre("bare", "file", "slash"));
+  EXPECT_EQ(Fingerprint(ReadModel(folder / "bare")), Fingerprint(model));
+  EXPECT_EQ(Fingerprint(ReadModel(folder / "slash")), Fingerprint(model));
+  EXPECT_EQ(ReadFileBytes(folder / "file"), "text");
+}
+
 TEST(ModelIo, ALinkToAFolderStaysALink) {
   const TestFolder folder;
   fs::create_directories(folder / "real");
