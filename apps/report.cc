@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <sstream>
@@ -65,6 +66,10 @@ json SummaryToJson(const BundleSummary& summary) {
           {"terms", terms},
           {"associations", associations},
           {"groups_dropped", summary.groups_dropped},
+          {"camera_shift_sigmas",
+           summary.camera_shift_sigmas ? json(*summary.camera_shift_sigmas) : json(nullptr)},
+          {"cameras_held", summary.cameras_held},
+          {"angular_weight_factor", summary.angular_weight_factor},
           {"seconds",
            {{"build", s.build_seconds},
             {"linearise", s.linearise_seconds},
@@ -109,6 +114,17 @@ std::string SummaryToText(const BundleSummary& summary) {
     text += fmt::format("left out {} of {} {}\n", count.rejected, count.tested, kind);
   }
   if (summary.groups_dropped) text += fmt::format("left out {} groups\n", summary.groups_dropped);
+  if (summary.camera_shift_sigmas) {
+    const char* what = summary.cameras_held ? "held: lines and structure would move them" : "moved";
+    text += fmt::format("cameras {} by {:.2f} of their standard deviations from points alone\n",
+                        what, *summary.camera_shift_sigmas);
+  }
+  const bool has_angular = std::any_of(s.final_terms.begin(), s.final_terms.end(),
+                                       [](const TermCost& t) { return t.angular; });
+  if (has_angular && summary.angular_weight_factor != 1.0) {
+    text += fmt::format("weights of angular terms times {:.3g}: the variance of the noise, px^2\n",
+                        summary.angular_weight_factor);
+  }
   text += fmt::format("{} iterations ({} accepted) in {} rounds, stopped: {}\n", s.iterations,
                       s.accepted_steps, summary.rounds, NameOf(s.stop_reason));
   text += fmt::format("{}, {} threads; reduced system {} unknowns, {:.1f} % dense", s.linear_solver,
