@@ -52,6 +52,7 @@ class RefineJob : public Job {
     const Timer timer;
     if (!std::filesystem::is_directory(image_path_))
       throw InputError(image_path_, "there is no such folder (--image_path)");
+    detection_.imports.Check();
     Reconstruction model = ReadModel(input_path_);
     if (model.images.empty() || model.points3D.empty()) {
       throw InputError(input_path_,

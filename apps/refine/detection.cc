@@ -184,6 +184,23 @@ void ImportPaths::Describe(OptionTable* table) {
                "without it regions are matched by the features they share.");
 }
 
+void ImportPaths::Check() const {
+  const std::pair<const char*, const std::string*> paths[] = {
+      {"segments_path", &segments}, {"line_matches_path", &line_matches},
+      {"labels_path", &labels},     {"normals_path", &normals},
+      {"depths_path", &depths},     {"correspondences_path", &correspondences}};
+  for (const auto& [name, path] : paths) {
+    if (!path->empty() && !fs::exists(*path)) {
+      throw InputError(*path, fmt::format("there is no such file or folder (--Import.{})", name));
+    }
+  }
+  if (!line_matches.empty() && segments.empty()) {
+    throw InputError(
+        "--Import.line_matches_path needs --Import.segments_path: the indices of a file of matches "
+        "count the segments of its detector");
+  }
+}
+
 void DetectionOptions::Describe(OptionTable* table) {
   imports.Describe(table);
   segment_import.Describe(table);
@@ -285,11 +302,6 @@ LineMatchMap MatchLines(const DetectionOptions& options, const Reconstruction& m
   const Timer timer;
   LineMatchMap matches;
   if (!options.imports.line_matches.empty()) {
-    if (options.imports.segments.empty()) {
-      throw InputError(
-          "--Import.line_matches_path needs --Import.segments_path: the indices of a "
-          "file of matches count the segments of its detector");
-    }
     LineMatchImportReport import_report;
     SegmentImportReport segment_report;
     matches = ImportLineMatches(

@@ -29,6 +29,8 @@ struct ImportPaths {
   std::string correspondences;
 
   void Describe(OptionTable* table);
+  // Throws InputError for what is not there, before anything is computed or written.
+  void Check() const;
 };
 
 struct DetectionOptions {
