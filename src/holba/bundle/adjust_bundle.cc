@@ -11,6 +11,7 @@
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/camera_shift.h"
+#include "holba/scene/selection.h"
 
 namespace holba {
 namespace {
@@ -67,9 +68,11 @@ class AutoScales {
     bool fresh = false;
     terms_.clear();
     angular_.clear();
+    structure_points_.clear();
     for (const auto& batch : problem.batches()) {
       const std::string& term = batch->term();
       if (batch->angular) angular_.emplace_back(batch.get(), batch->weight);
+      if (term == "structure_point") structure_points_.emplace_back(batch.get(), batch->weight);
       if (options_[FamilyOf(term)].loss != LossChoice::kAuto || term.ends_with("_3d") ||
           terms_.contains(term))
         continue;
@@ -110,6 +113,8 @@ class AutoScales {
         batch->loss = {LossType::kCauchy, scales_.at(batch->term())};
     }
     for (const auto& [batch, weight] : angular_) batch->weight = AngularFactor() * weight;
+    for (const auto& [batch, weight] : structure_points_)
+      batch->weight = StructurePointFactor() * weight;
   }
   // Variance of the noise of one coordinate, px^2, where it is measured; 1: the weights of angular
   // terms as they are.
@@ -121,6 +126,14 @@ class AutoScales {
       return std::pow(std::max(sigma->second, least), 2);
     }
     return 1.0;
+  }
+  // Variance of the noise of points by that of points of structure, where both are measured: what
+  // is placed worse weighs less.
+  double StructurePointFactor() const {
+    const auto points = sigmas_.find("point"), of_structure = sigmas_.find("structure_point");
+    if (points == sigmas_.end() || of_structure == sigmas_.end()) return 1.0;
+    if (!(of_structure->second > points->second)) return 1.0;
+    return std::pow(points->second / of_structure->second, 2);
   }
 
  private:
@@ -134,6 +147,7 @@ class AutoScales {
   const BundleOptions& options_;
   std::set<std::string> terms_;                             // of the problem at hand
   std::vector<std::pair<ResidualBatch*, double>> angular_;  // of it, with their weights as given
+  std::vector<std::pair<ResidualBatch*, double>> structure_points_;
   std::map<std::string, double> scales_;
   std::map<std::string, double> sigmas_;
 };
@@ -215,6 +229,7 @@ class Adjuster {
     summary_.auto_scales = scales_.scales();
     summary_.auto_sigmas = scales_.sigmas();
     summary_.angular_weight_factor = scales_.AngularFactor();
+    summary_.structure_point_weight_factor = scales_.StructurePointFactor();
     // Costs before, with the losses and associations of the end.
     bundle.problem.state() = start;
     SetTerms(bundle.problem, &summary_.solver.initial_terms, &summary_.solver.initial_cost);
@@ -241,7 +256,13 @@ class Adjuster {
       return;
     BundleOptions points_only = options_;
     points_only.config = BundleConfig::kPoint;
-    BundleProblem bundle = BuildProblem(model_, points_only);
+    const Reconstruction alone = Select(
+        model_,
+        {.keep_point = [&](point3D_t id,
+                           const Point3D&) { return !options_.points_of_structure.contains(id); },
+         .keep_line = {},
+         .keep_group = {}});
+    BundleProblem bundle = BuildProblem(alone, points_only);
     Anneal(&bundle.problem);
     if (!stopped_) Solve(solver_options_, &bundle.problem);
     if (stopped_) return;

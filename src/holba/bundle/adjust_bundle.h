@@ -36,6 +36,8 @@ struct BundleSummary {
   bool cameras_held = false;
   // On the weights of terms in angles: the variance of the measured noise in pixels.
   double angular_weight_factor = 1.0;
+  // The weights of structure_point residuals were multiplied by this.
+  double structure_point_weight_factor = 1.0;
 };
 
 // Called at the start of each round with a sentence about it, for logs.

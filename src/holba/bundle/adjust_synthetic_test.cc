@@ -8,6 +8,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "holba/base/random.h"
 #include "holba/bundle/adjust_bundle.h"
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/bundle_testing.h"
@@ -369,6 +370,36 @@ TEST(Losses, AutoMeasureTheNoiseThatWasPutIn) {
                 0.05 * noise_px);
     EXPECT_TRUE(summary.auto_sigmas.contains("line"));
   }
+}
+
+// Every third point is seen four times as badly as the others, and is declared to be of structure.
+TEST(StructurePoints, AreWeighedByTheirOwnNoise) {
+  SyntheticProblem scene = MakeBundleProblem({.seed = 3, .num_images = 20});
+  BundleOptions options;
+  Random random(5);
+  for (auto& [id, point] : scene.perturbed.points3D) {
+    if (id % 3 != 0) continue;
+    options.points_of_structure.insert(id);
+    for (const PointObservation& o : point.track) {
+      Eigen::Vector2d& xy = scene.perturbed.images.at(o.image_id).points2D[o.point2D_idx].xy;
+      const double dx = random.Normal(4.0), dy = random.Normal(4.0);
+      xy += Eigen::Vector2d(dx, dy);
+    }
+  }
+  options.config = BundleConfig::kPointLine;
+  Reconstruction aware = scene.perturbed, unaware = scene.perturbed;
+  const BundleSummary summary = AdjustBundle(options, {}, &aware);
+  EXPECT_NEAR(summary.auto_sigmas.at("structure_point"), 4.1 * summary.auto_sigmas.at("point"),
+              0.8 * summary.auto_sigmas.at("point"));
+  EXPECT_NEAR(summary.structure_point_weight_factor, 1.0 / (4.1 * 4.1), 0.03);
+  EXPECT_TRUE(summary.camera_shift_sigmas.has_value());
+
+  options.points_of_structure.clear();
+  const BundleSummary plain = AdjustBundle(options, {}, &unaware);
+  EXPECT_EQ(plain.structure_point_weight_factor, 1.0);
+  EXPECT_FALSE(plain.auto_sigmas.contains("structure_point"));
+  EXPECT_LT(Errors(aware, scene.truth).rotation_deg->rms,
+            Errors(unaware, scene.truth).rotation_deg->rms);
 }
 
 TEST(Losses, AutoFollowTheirOptions) {

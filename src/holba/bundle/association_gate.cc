@@ -110,7 +110,15 @@ class Tester {
     const Problem& problem = features.problem;
     std::unordered_map<BlockId, Eigen::Matrix3d> point_information;
     std::unordered_map<BlockId, Eigen::Matrix4d> line_information;
-    AddInformation<3>(problem, "point", NoisePx(problem, "point", 2, 3.0 * features.points.size()),
+    size_t num_of_structure = 0;
+    for (const auto& [id, block] : features.points)
+      num_of_structure += features.points_of_structure.contains(id);
+    AddInformation<3>(
+        problem, "point",
+        NoisePx(problem, "point", 2, 3.0 * (features.points.size() - num_of_structure)),
+        &point_information);
+    AddInformation<3>(problem, "structure_point",
+                      NoisePx(problem, "structure_point", 2, 3.0 * num_of_structure),
                       &point_information);
     AddInformation<4>(problem, "line", NoisePx(problem, "line", 2, 4.0 * features.lines.size()),
                       &line_information);

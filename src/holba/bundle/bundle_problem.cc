@@ -48,6 +48,7 @@ class Builder {
       : model_(model), options_(options), filter_(filter), out_(*out), problem_(out->problem) {}
 
   void Build(std::span<const GroupMeasurement> measurements) {
+    out_.points_of_structure = options_.points_of_structure;
     AddPosesAndCameras();
     AddPoints();
     if (options_.config >= BundleConfig::kPointLine) AddLines();
@@ -72,6 +73,7 @@ class Builder {
     bool observations_move;
     const Image* image;
     KernelBatch<PointResidual>* points = nullptr;  // of its camera model, once there is one
+    KernelBatch<PointResidual>* structure_points = nullptr;
   };
 
   void AddPosesAndCameras() {
@@ -172,20 +174,22 @@ class Builder {
       return image.second.model == images_.begin()->second.model;
     });
     for (const auto& [id, point] : model_.points3D) {
+      const bool of_structure = options_.points_of_structure.contains(id);
       const BlockId block = problem_.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature,
                                               {point.xyz.data(), 3});
       problem_.block(block).constant = options_.fix_points || !SeenInTwoImages(point.track);
       out_.points.emplace_back(id, block);
       for (const PointObservation& observation : point.track) {
         ImageBlocks& image = images_.at(observation.image_id);
-        if (image.points == nullptr) {
-          image.points = &BatchOf<PointResidual>("point", {3, 6, image.model->num_params},
-                                                 {image.model->id, -1, 0},
-                                                 [&] { return PointResidual{image.model}; });
-          if (one_model) image.points->Reserve(num_observations);
+        auto*& batch = of_structure ? image.structure_points : image.points;
+        if (batch == nullptr) {
+          batch = &BatchOf<PointResidual>(of_structure ? "structure_point" : "point",
+                                          {3, 6, image.model->num_params}, {image.model->id, -1, 0},
+                                          [&] { return PointResidual{image.model}; });
+          if (one_model && !of_structure) batch->Reserve(num_observations);
         }
-        image.points->Add(std::array{block, image.pose, image.camera},
-                          {image.image->points2D[observation.point2D_idx].xy, image.sensor});
+        batch->Add(std::array{block, image.pose, image.camera},
+                   {image.image->points2D[observation.point2D_idx].xy, image.sensor});
       }
     }
   }

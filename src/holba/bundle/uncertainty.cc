@@ -44,6 +44,7 @@ std::optional<ModelUncertainty> EstimateUncertainty(const Reconstruction& model,
     const auto scale = summary.auto_scales.find(batch->term());
     if (scale != summary.auto_scales.end()) batch->loss = {LossType::kCauchy, scale->second};
     if (batch->angular) batch->weight *= summary.angular_weight_factor;
+    if (batch->term() == "structure_point") batch->weight *= summary.structure_point_weight_factor;
   }
   const Problem& problem = bundle.problem;
   const std::optional<Covariance> covariance = Covariance::Compute(problem, num_threads);

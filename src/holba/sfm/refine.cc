@@ -37,6 +37,7 @@ class Refiner {
   RefineReport Run(const LineMatcher& match_lines, const RegionObserver& observe_regions) {
     const Timer timer;
     RemoveStructure(&model_);
+    for (const auto& [id, point] : model_.points3D) given_points_.insert(id);
     AdjustPoints();
     const double points_seconds = timer.Seconds();
 
@@ -45,6 +46,9 @@ class Refiner {
     report_.structure = BuildStructure(options_.structure, features_, &matches, observe_regions,
                                        options_.num_threads, &model_);
     report_.structure_seconds = structure_timer.Seconds();
+    for (const auto& [id, point] : model_.points3D) {
+      if (!given_points_.contains(id)) bundle_.points_of_structure.insert(id);
+    }
 
     const Timer adjust_timer;
     for (int round = 0; round < options_.num_rounds; ++round) {
@@ -63,12 +67,6 @@ class Refiner {
   }
 
  private:
-  static void HoldCameras(BundleOptions* options) {
-    options->fix_poses = true;
-    options->refine_focal_length = options->refine_principal_point = options->refine_extra_params =
-        false;
-  }
-
   void Log(const std::string& text) const {
     if (log_) log_(text);
   }
@@ -184,6 +182,7 @@ class Refiner {
   Reconstruction& model_;
   const std::function<void(const std::string&)>& log_;
   BundleOptions bundle_;
+  std::set<point3D_t> given_points_;
   RefineReport report_;
 };
 
@@ -192,7 +191,10 @@ class Refiner {
 RefineOptions::RefineOptions() {
   // Gated associations bear strong weights (docs/adjust.md).
   bundle[TermFamily::kGroup].weight = 5.0;
-  bundle[TermFamily::kWireframe].weight = 1.0;
+  bundle[TermFamily::kWireframe].weight = 0.1;
+  // COLMAP holds it at the middle of the image, where it is not: with the loss `auto` it is
+  // determined, and poses and focal length gain far more than structure could give them.
+  bundle.refine_principal_point = true;
 }
 
 BundleOptions RefineOptions::AdjustmentOptions() const {

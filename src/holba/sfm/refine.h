@@ -34,7 +34,7 @@ struct RefineOptions {
 };
 
 struct RefineReport {
-  // Points alone, before structure is built; absent where poses are held.
+  // Points alone, before structure is built.
   BundleSummary points_alone;
   StructureReport structure;
   // Of the last round.
