@@ -21,15 +21,16 @@ struct RefineScene {
   TestHouse house;  // with the true poses
   // Planes as n.x + w = 0: front, side, ground.
   std::array<Eigen::Vector4d, 3> planes;
-  std::vector<Eigen::Vector3d> window_corners;    // each the end of two edges
-  LineMatchMap matches;                           // the right ones, and as many wrong ones
+  std::vector<Eigen::Vector3d> window_corners;   // each the end of two edges
+  LineMatchMap matches;                          // the right ones, and as many wrong ones
   Eigen::Vector4d sphere{-2.9, -1.2, 0.2, 0.5};  // centre, radius
-  std::set<point3D_t> sphere_points;
+  std::set<point3D_t> sphere_points, near_front;
 };
 
 struct RefineSceneOptions {
-  double noise_px = 0.3;  // of points, corners and ends of segments
-  int num_clutter = 30;   // random segments, and random corners, in each image
+  double noise_px = 0.3;   // of points, corners and ends of segments
+  int num_clutter = 30;    // random segments, and random corners, in each image
+  int num_near_front = 0;  // points 0.04 (3 px) before the front
 };
 
 // Front (z = -1.5) with 6 windows, side (x = 2) with 4, ground (y = 1) with 2 slabs, seen by 8
@@ -89,6 +90,11 @@ inline RefineScene MakeRefineScene(const RefineSceneOptions& options) {
   for (int i = 0; i < 40; ++i) {
     const double x = random.Uniform(-3, 3), y = random.Uniform(-2.5, 0.5);
     points.emplace_back(x, y, random.Uniform(-3.5, 2.5));
+  }
+  for (int i = 0; i < options.num_near_front; ++i) {
+    const double x = random.Uniform(-1.8, 1.8);
+    points.emplace_back(x, random.Uniform(-0.9, 0.9), -1.54);
+    scene.near_front.insert(points.size());
   }
   Observe({.noise_px = options.noise_px, .num_clutter = options.num_clutter}, points, &house);
 
