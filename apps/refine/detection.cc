@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstring>
 #include <set>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "holba/frontend/import_line_matches.h"
 #include "holba/frontend/import_regions.h"
 #include "holba/frontend/photograph.h"
+#include "holba/io/files.h"
 #include "holba/scene/ideal_view.h"
 
 namespace holba {
@@ -50,6 +52,22 @@ uint64_t HashOf(const ImportedSegments& imported) {
     hash = Hash(values, sizeof(values), hash);
   }
   return hash;
+}
+
+// Of the bytes, eight at a time; 0: there is no such file, which its reader will say.
+uint64_t HashOfFile(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_regular_file(path, error)) return 0;
+  const std::string bytes = ReadFileBytes(path);
+  uint64_t hash = Hash(nullptr, 0) ^ bytes.size();
+  size_t i = 0;
+  for (; i + sizeof(uint64_t) <= bytes.size(); i += sizeof(uint64_t)) {
+    uint64_t word;
+    std::memcpy(&word, bytes.data() + i, sizeof(word));
+    hash = (hash ^ word) * 0x100000001b3ULL;
+    hash ^= hash >> 32;  // the high bits of a word reach all others
+  }
+  return Hash(bytes.data() + i, bytes.size() - i, hash);
 }
 
 struct ImageTask {
@@ -240,18 +258,19 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& 
     ImageTask task{image_id, database_id.at(image_id), &image, &model.cameras.at(image.camera_id),
                    image_path / image.name};
     task.feature_settings = SettingsOf(options.extraction, *task.camera);
-    std::error_code error;
-    const auto bytes = fs::file_size(task.path, error);
-    task.feature_settings += fmt::format(" file={}", error ? 0 : bytes);
     if (!options.imports.segments.empty()) {
       // An image that the files do not have has no segments.
       task.imported = &imported[image_id];
       task.feature_settings += fmt::format(" imported={:016x}", HashOf(*task.imported));
     }
-    task.vp_settings =
-        fmt::format("{} of {} camera={}", vp_text, task.feature_settings, ToString(*task.camera));
     tasks.push_back(std::move(task));
   }
+  ParallelTasks(options.num_threads, tasks.size(), [&](size_t i) {
+    ImageTask& task = tasks[i];
+    task.feature_settings += fmt::format(" photograph={:016x}", HashOfFile(task.path));
+    task.vp_settings =
+        fmt::format("{} of {} camera={}", vp_text, task.feature_settings, ToString(*task.camera));
+  });
   for (ImageTask& task : tasks) ReadStored(*database, &task);
 
   std::vector<ImageTask*> open;

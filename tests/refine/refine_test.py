@@ -226,7 +226,7 @@ class Database(Case):
         self.assertEqual(tree(first), tree(third))
         self.assertFalse((first / "database.db").exists())
 
-    def test_what_other_options_or_photographs_change_is_made_anew(self):
+    def test_what_other_options_change_is_made_anew(self):
         database = self.folder / "kept.db"
         _, first = self.refine("out", database_path=database)
         _, report = self.refine("out", "--LineMatching.num_matches", 2, database_path=database)
@@ -236,13 +236,21 @@ class Database(Case):
         _, report = self.refine("out", "--Segments.min_length_px", 30, database_path=database)
         self.assertEqual(report["database"]["images_detected"], scene.NUM_IMAGES)
         self.assertLess(report["segments"], first["segments"])
-        # One photograph is another: this one alone, and its pairs.
-        _, first = self.refine("out", database_path=database)
-        images = self.folder / "images"
+
+    def test_a_photograph_that_changed_is_looked_at_anew_even_if_its_file_has_the_same_size(self):
+        images, database = self.folder / "images", self.folder / "kept.db"
         shutil.copytree(SCENE / "images", images)
-        shutil.copy(images / scene.image_name(4), images / scene.image_name(3))
+        changed = images / scene.image_name(2)
+        grey = np.tile(np.arange(scene.WIDTH, dtype=np.uint8), (scene.HEIGHT, 1))
+        scene.write_png(changed, grey, level=0)
+        self.refine("out", database_path=database, image_path=images)
+        size = changed.stat().st_size
+        grey[100:200, 100:200] = 255
+        scene.write_png(changed, grey, level=0)
+        self.assertEqual(changed.stat().st_size, size)
         _, report = self.refine("out", database_path=database, image_path=images)
         self.assertEqual(report["database"]["images_detected"], 1)
+        # Its five pairs, too.
         self.assertEqual(report["database"]["pairs_reused"], 10)
 
     def test_a_colmap_database_keeps_its_own_tables(self):

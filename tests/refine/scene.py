@@ -133,14 +133,14 @@ def rays_of(pose: tuple[np.ndarray, np.ndarray], pixels: np.ndarray) -> tuple[np
     return -rotation.T @ translation, np.column_stack([n, np.ones(len(n))]) @ rotation
 
 
-def write_png(path: pathlib.Path, grey: np.ndarray) -> None:
+def write_png(path: pathlib.Path, grey: np.ndarray, level: int = 6) -> None:
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
     height, width = grey.shape
     rows = np.column_stack([np.zeros(height, np.uint8), grey])
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)) +
-                     chunk(b"IDAT", zlib.compress(rows.tobytes(), 6)) + chunk(b"IEND", b""))
+                     chunk(b"IDAT", zlib.compress(rows.tobytes(), level)) + chunk(b"IEND", b""))
 
 
 def image_name(i: int) -> str:
