@@ -53,6 +53,11 @@ class RefineJob : public Job {
     if (!std::filesystem::is_directory(image_path_))
       throw InputError(image_path_, "there is no such folder (--image_path)");
     detection_.imports.Check();
+    if (!detection_.imports.correspondences.empty() && regions_.matching != RegionMatching::kWarp) {
+      throw InputError(
+          "--Import.correspondences_path needs --Regions.matching warp: votes of features do not "
+          "use it");
+    }
     Reconstruction model = ReadModel(input_path_);
     if (model.images.empty() || model.points3D.empty()) {
       throw InputError(input_path_,

@@ -198,8 +198,8 @@ void ImportPaths::Describe(OptionTable* table) {
   table->Field("normals_path", &normals, "Folder of normal maps (npy, npz, PNG, COLMAP's).");
   table->Field("depths_path", &depths, "Folder of depth maps (npy, npz, PNG, COLMAP's).");
   table->Field("correspondences_path", &correspondences,
-               "Folder of dense correspondences that carry labelled regions from image to image; "
-               "without it regions are matched by the features they share.");
+               "Folder of dense correspondences that carry labelled regions from image to image "
+               "(--Regions.matching warp).");
 }
 
 void ImportPaths::Check() const {
@@ -216,6 +216,16 @@ void ImportPaths::Check() const {
     throw InputError(
         "--Import.line_matches_path needs --Import.segments_path: the indices of a file of matches "
         "count the segments of its detector");
+  }
+  if (!labels.empty()) return;
+  for (const auto& [name, path] : {std::pair("normals_path", &normals),
+                                   {"depths_path", &depths},
+                                   {"correspondences_path", &correspondences}}) {
+    if (!path->empty()) {
+      throw InputError(fmt::format(
+          "--Import.{} needs --Import.labels_path: it says something about labelled regions",
+          name));
+    }
   }
 }
 

@@ -334,6 +334,11 @@ class Errors(Case):
     def test_imports_that_are_missing_or_do_not_fit(self):
         self.assertIn("needs --Import.segments_path",
                       self.refuses("--Import.line_matches_path", SCENE / "line_matches.txt"))
+        for name in ("normals", "depths", "correspondences"):
+            self.assertIn("needs --Import.labels_path", self.refuses(f"--Import.{name}_path", SCENE / "normals"))
+        self.assertIn("needs --Regions.matching warp",
+                      self.refuses("--Import.labels_path", SCENE / "labels", "--Import.correspondences_path",
+                                   SCENE / "warps"))
         for name in ("segments", "line_matches", "labels", "normals", "depths", "correspondences"):
             message = self.refuses(f"--Import.{name}_path", self.folder / "absent")
             self.assertIn(f"(--Import.{name}_path)", message)
@@ -370,25 +375,47 @@ class Imports(Case):
         self.assertEqual(report["database"]["images_reused"], 0)
         self.assertGreater(report["segments"], sum(given))
 
+    def assert_pillar_found(self, model: pathlib.Path):
+        found = groups(model)
+        self.assertEqual(len(found["CYLINDER"]), 1)
+        axis, moment, radius = np.split(found["CYLINDER"][0], [3, 6])
+        px, pz, true_radius = scene.PILLAR
+        self.assertGreater(abs(axis[1]), np.cos(np.radians(1.5)))
+        self.assertLess(np.abs(np.sign(axis[1]) * moment - [-pz, 0, px]).max(), 0.05)
+        self.assertLess(abs(radius[0] - true_radius), 0.02)
+        observed = [row for row in records(model / "groups2D.txt") if row[2] == "CYLINDER"]
+        self.assertEqual(len(observed), scene.NUM_IMAGES)
+
     def test_labelled_regions_become_groups_of_their_types(self):
-        for matching in ("votes", "warp"):
-            with self.subTest(matching=matching):
-                model, report = self.refine(matching, "--Import.labels_path", SCENE / "labels",
-                                            "--Regions.matching", matching)
+        labels = ("--Import.labels_path", SCENE / "labels", "--Planes.max_planes", 0)
+        for options, num_ways in ((("votes",), 1), (("warp",), 2),
+                                  (("warp", "--Import.correspondences_path", SCENE / "warps"), 2)):
+            with self.subTest(options=options):
+                model, report = self.refine("out", *labels, "--Regions.matching", *options)
                 self.assertEqual(report["regions"]["labelled"], 4 * scene.NUM_IMAGES)
                 self.assertEqual(report["regions"]["groups2D"], 4 * scene.NUM_IMAGES)
-                # Each of 4 surfaces in 15 pairs of images, with warping in both directions.
-                most = 4 * 15 * (2 if matching == "warp" else 1)
-                self.assertGreaterEqual(report["regions"]["matches"], most // 2)
-                found = groups(model)
-                self.assertEqual(len(found["CYLINDER"]), 1)
-                axis, moment, radius = np.split(found["CYLINDER"][0], [3, 6])
-                px, pz, true_radius = scene.PILLAR
-                self.assertGreater(abs(axis[1]), np.cos(np.radians(1.5)))
-                self.assertLess(np.abs(np.sign(axis[1]) * moment - [-pz, 0, px]).max(), 0.05)
-                self.assertLess(abs(radius[0] - true_radius), 0.02)
-                observed = [row for row in records(model / "groups2D.txt") if row[2] == "CYLINDER"]
-                self.assertEqual(len(observed), scene.NUM_IMAGES)
+                # 4 surfaces in 15 pairs of images, warped in both directions.
+                self.assertGreaterEqual(report["regions"]["matches"], 4 * 15 * num_ways // 2)
+                # Two regions may share the lines where they meet.
+                self.assertLessEqual(report["regions"]["matches"], 4 * 15 * num_ways * 11 // 10)
+                # There are no planes but those of the labels.
+                self.assertEqual(report["regions"]["groups3D"], {"CYLINDER": 1, "PLANE": 3})
+                self.assertEqual(report["groups"], {"CYLINDER": 1, "PLANE": 3, "VP": 3})
+                self.assert_pillar_found(model)
+
+    def test_regions_that_contradict_their_normals_are_refused(self):
+        labels = ("--Import.labels_path", SCENE / "labels", "--Planes.max_planes", 0)
+        _, report = self.refine("out", *labels, "--Import.normals_path", SCENE / "normals")
+        self.assertEqual(report["groups"]["PLANE"], 3)
+        self.assertNotIn("groups of regions", report["refused"])
+        normals = self.folder / "normals"
+        shutil.copytree(SCENE / "normals", normals)
+        for path in normals.rglob("*.npy"):  # at right angles to the true ones
+            wrong = np.cross(np.load(path), np.ones(3))
+            np.save(path, (wrong / np.maximum(np.linalg.norm(wrong, axis=2, keepdims=True), 1e-9)).astype(np.float32))
+        _, report = self.refine("out", *labels, "--Import.normals_path", normals)
+        self.assertNotIn("PLANE", report["groups"])
+        self.assertTrue(any("contradict" in reason for reason in report["refused"]["groups of regions"]))
 
 
 class Real(Case):

@@ -82,9 +82,10 @@ class Texture:
         return (g(0, 0) * (1 - a) + g(1, 0) * a) * (1 - b) + (g(0, 1) * (1 - a) + g(1, 1) * a) * b
 
 
-def trace(centre: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Grey and label of what the rays (N x 3) hit first; label 0: nothing."""
+def trace(centre: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Grey, label, place along the ray and normal of what the rays (N x 3) hit first; label 0: nothing."""
     depth = np.full(len(rays), np.inf)
+    normals = np.zeros((len(rays), 3))
     grey = np.full(len(rays), 128.0)
     label = np.zeros(len(rays), np.uint8)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -100,7 +101,7 @@ def trace(centre: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]
             for ra, rb, rw, rh, painted in RECTANGLES[name]:
                 value[(a >= ra) & (a < ra + rw) & (b >= rb) & (b < rb + rh)] = painted
             grey[hit] = value + Texture(k, 6, 0.07)(a, b)
-            depth[hit], label[hit] = t[hit], LABELS[name]
+            depth[hit], label[hit], normals[hit] = t[hit], LABELS[name], normal
         px, pz, radius = PILLAR
         d, o = rays[:, [0, 2]], centre[[0, 2]] - [px, pz]
         qa, qb, qc = (d * d).sum(1), d @ o, o @ o - radius * radius
@@ -110,7 +111,8 @@ def trace(centre: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         at = o + t[hit, None] * d[hit]
         grey[hit] = 90 + 40 * at[:, 0] / radius + Texture(9, 15, 0.1)(np.arctan2(at[:, 1], at[:, 0]), y[hit])
         depth[hit], label[hit] = t[hit], LABELS["pillar"]
-    return grey, label
+        normals[hit] = np.column_stack([at[:, 0], np.zeros(len(at)), at[:, 1]]) / radius
+    return grey, label, depth, normals
 
 
 def project(pose: tuple[np.ndarray, np.ndarray], points: np.ndarray) -> np.ndarray:
@@ -159,14 +161,15 @@ def surface_points(random: np.random.Generator) -> np.ndarray:
 
 
 def write_scene(folder: pathlib.Path) -> None:
-    """images/, labels/, model/ (COLMAP's text), segments/ (docs/import.md) and line_matches.txt."""
+    """images/, model/ (COLMAP's text), and for the imports (docs/import.md) labels/, normals/, warps/, segments/ and
+    line_matches.txt."""
     where = poses()
     offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES
     ys, xs = np.meshgrid((np.arange(HEIGHT)[:, None] + offsets).ravel(),
                          (np.arange(WIDTH)[:, None] + offsets).ravel(), indexing="ij")
     grid = np.column_stack([xs.ravel(), ys.ravel()])
     for i, pose in enumerate(where):
-        grey, label = trace(*rays_of(pose, grid))
+        grey, label, _, _ = trace(*rays_of(pose, grid))
         shape = (HEIGHT, SAMPLES, WIDTH, SAMPLES)
         mean = grey.reshape(shape).mean((1, 3))
         noise = np.random.default_rng(100 + i).normal(0, 1.5, mean.shape)
@@ -174,6 +177,7 @@ def write_scene(folder: pathlib.Path) -> None:
         write_png(folder / "labels" / image_name(i), label.reshape(shape)[:, 1, :, 1])
     (folder / "labels" / "labels.json").write_text(LABELS_JSON)
     write_model(folder / "model", where)
+    write_dense(folder, where)
     write_segments(folder)
 
 
@@ -189,8 +193,7 @@ def write_model(folder: pathlib.Path, where: list) -> None:
         for p in np.flatnonzero(np.isfinite(pixels[:, 0])):
             # Seen if nothing lies between: a little before the point nothing is hit.
             way = points[p] - centre
-            _, label = trace(centre, way[None])
-            if not label[0] or hit_before(centre, way):
+            if not trace(centre, way[None])[1][0] or hit_before(centre, way):
                 continue
             x, y = pixels[p] + random.normal(0, POINT_NOISE_PX, 2)
             tracks[p].append((i + 1, len(shown)))
@@ -211,6 +214,32 @@ def write_model(folder: pathlib.Path, where: list) -> None:
         f"{p + 1} " + " ".join(repr(float(v)) for v in points[p]) + " 100 100 100 0.2 " +
         " ".join(f"{image} {idx}" for image, idx in track) + "\n"
         for p, track in enumerate(tracks) if p + 1 in kept))
+
+
+def write_dense(folder: pathlib.Path, where: list) -> None:
+    """Normals in the camera frame, and where the pixels of each image are in each other one; a pixel of four."""
+    step = 4
+    xs, ys = np.meshgrid(np.arange(0, WIDTH, step) + step / 2, np.arange(0, HEIGHT, step) + step / 2)
+    grid, shape = np.column_stack([xs.ravel(), ys.ravel()]), xs.shape
+    for i, pose in enumerate(where):
+        centre, rays = rays_of(pose, grid)
+        _, label, depth, normals = trace(centre, rays)
+        path = folder / "normals" / f"{image_name(i)}.npy"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.save(path, (normals @ pose[0].T).reshape(*shape, 3).astype(np.float32))
+        points = centre + np.where(label > 0, depth, 1)[:, None] * rays
+        for j, other in enumerate(where):
+            if i == j:
+                continue
+            pixels = project(other, points)
+            pixels[label == 0] = np.nan
+            seen = np.flatnonzero(np.isfinite(pixels[:, 0]))
+            hidden = trace(*rays_of(other, pixels[seen]))[2] < 0.99 * (points[seen] @ other[0].T + other[1])[:, 2]
+            pixels[seen[hidden]] = np.nan
+            # Arrays count pixels from 0.
+            path = folder / "warps" / image_name(i).replace("/", "-") / (image_name(j).replace("/", "-") + ".npy")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            np.save(path, (pixels - 0.5).reshape(*shape, 2).astype(np.float32))
 
 
 def hit_before(centre: np.ndarray, way: np.ndarray) -> bool:
