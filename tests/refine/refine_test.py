@@ -194,6 +194,27 @@ class EndToEnd(Case):
         self.assertNotEqual(tree(model), before)
 
 
+    def test_a_name_without_a_folder_is_one_in_the_current_folder(self):
+        result = subprocess.run(self.words(pathlib.Path("bare"), num_pictures=1), cwd=self.folder,
+                                capture_output=True, text=True, timeout=120)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual([p.name for p in self.folder.iterdir()], ["bare"])
+        for name in ("lines3D.txt", "structure.ply", "database.db", "pictures/top_view.png"):
+            self.assertTrue((self.folder / "bare" / name).is_file(), name)
+
+    def test_photographs_without_edges_leave_points_and_what_they_lie_on(self):
+        for i in range(scene.NUM_IMAGES):
+            scene.write_png(self.folder / "blank" / scene.image_name(i),
+                            np.full((scene.HEIGHT, scene.WIDTH), 128, np.uint8))
+        model, report = self.refine("out", image_path=self.folder / "blank")
+        self.assertEqual(report["lines"]["all"], 0)
+        self.assertEqual(report["segments"], 0)
+        self.assertEqual(set(report["groups"]), {"PLANE"})
+        self.assertEqual(records(model / "lines3D.txt"), [])
+        self.assertEqual(len(records(model / "points3D.txt")), len(records(SCENE / "model" / "points3D.txt")))
+        self.assertLess(pose_errors(model)[0], 0.5)
+
+
 class Colmap(Case):
     def test_colmap_opens_the_model(self):
         colmap = shutil.which("colmap")
