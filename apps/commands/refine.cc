@@ -6,6 +6,7 @@
 #include <string>
 
 #include "apps/command.h"
+#include "apps/refine/colours.h"
 #include "apps/refine/detection.h"
 #include "apps/refine/output.h"
 #include "apps/refine/regions.h"
@@ -94,6 +95,11 @@ class RefineJob : public Job {
     output.leave_one_out = LeaveOneOut(model, 4, refine_.num_threads);
 
     const Timer write_timer;
+    std::vector<point3D_t> made;
+    for (point3D_t id : output.refine.structure.corners.point3D_ids) made.push_back(id);
+    for (const Junction& junction : output.refine.structure.junctions.junctions)
+      made.push_back(junction.point3D_id);
+    ColourFeatures(image_path_, made, refine_.num_threads, &model);
     WriteModel(model, output_path_, format_);
     WriteStructurePly(model, output_path_);
     if (covariances_) {

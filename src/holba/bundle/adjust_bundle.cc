@@ -61,7 +61,10 @@ void Accumulate(const SolverSummary& round, SolverSummary* sum) {
 // to weigh what it says. Scales outlive a problem: the next one begins where the last ended.
 class AutoScales {
  public:
-  explicit AutoScales(const BundleOptions& options) : options_(options) {}
+  explicit AutoScales(const BundleOptions& options)
+      : options_(options), sigmas_(options.known_auto_sigmas) {
+    for (const auto& [term, sigma] : sigmas_) scales_[term] = GoalOf(term, sigma);
+  }
 
   // Sets the losses of a new problem. True: some scale is new and has to be annealed.
   bool Begin(const Problem& problem) {
@@ -140,6 +143,9 @@ class AutoScales {
   double Goal(const Problem& problem, const std::string& term) {
     const double sigma = RobustSigma(problem, term);
     sigmas_[term] = sigma;
+    return GoalOf(term, sigma);
+  }
+  double GoalOf(const std::string& term, double sigma) const {
     return std::max(options_.auto_num_sigmas * sigma,
                     IsAngular(FamilyOf(term)) ? kMinAngularScale : options_.auto_min_scale_px);
   }

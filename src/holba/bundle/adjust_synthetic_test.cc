@@ -402,6 +402,23 @@ TEST(StructurePoints, AreWeighedByTheirOwnNoise) {
             Errors(unaware, scene.truth).rotation_deg->rms);
 }
 
+TEST(Losses, AutoNeedNoAnnealingWhereTheNoiseIsKnown) {
+  Reconstruction first = MakeBundleProblem({.seed = 2, .num_images = 20}).perturbed;
+  BundleOptions options;
+  options.config = BundleConfig::kPoint;
+  options.refit_others = false;
+  const BundleSummary annealed = AdjustBundle(options, {}, &first);
+  Reconstruction again = first;
+  options.known_auto_sigmas = annealed.auto_sigmas;
+  const BundleSummary known = AdjustBundle(options, {}, &again);
+  EXPECT_EQ(known.rounds, 1);
+  EXPECT_LT(known.solver.iterations, annealed.solver.iterations / 4);
+  EXPECT_NEAR(known.auto_scales.at("point"), annealed.auto_scales.at("point"),
+              0.03 * annealed.auto_scales.at("point"));
+  EXPECT_NEAR(known.solver.final_cost, annealed.solver.final_cost,
+              0.03 * annealed.solver.final_cost);
+}
+
 TEST(Losses, AutoFollowTheirOptions) {
   const auto scale_of = [](double num_sigmas, double min_scale_px) {
     Reconstruction model = PlaneScene().perturbed;

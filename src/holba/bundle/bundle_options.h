@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -85,6 +86,11 @@ struct BundleOptions {
   // Below this scale the noise is that of the localisation of a feature, whatever the residuals
   // say.
   double auto_min_scale_px = 0.05;
+
+  // Standard deviations by term that an earlier adjustment of these features measured
+  // (BundleSummary::auto_sigmas): the losses `auto` of these terms start at their goals instead of
+  // being annealed from far. Empty: nothing is known.
+  std::map<std::string, double> known_auto_sigmas;
 
   // Associations that contradict the features as seen take no part (association_gate.h), tested
   // anew in each round.

@@ -94,12 +94,49 @@ double ScoreInImage(const SceneView& view, const SceneSegment& segment,
 // Candidates of one image pair in a match list, by segment of the first.
 using Adjacency = std::vector<std::vector<std::pair<uint32_t, float>>>;
 
+// Of a view with each of its neighbours.
+std::vector<Adjacency> AdjacencyOf(const LineScene& scene, uint32_t view_idx,
+                                   const LineMatchMap& matches) {
+  const SceneView& view = scene.views[view_idx];
+  // Index in SceneView::segments of an image's segments; not usable: kInvalidId32.
+  const auto compact = [](const SceneView& v) {
+    std::vector<uint32_t> index;
+    for (uint32_t i = 0; i < v.segments.size(); ++i) {
+      const line2D_t idx = v.segments[i].line2D_idx;
+      if (idx >= index.size()) index.resize(idx + 1, kInvalidId32);
+      index[idx] = i;
+    }
+    return index;
+  };
+  const auto at = [](const std::vector<uint32_t>& index, line2D_t idx) {
+    return idx < index.size() ? index[idx] : kInvalidId32;
+  };
+  const std::vector<uint32_t> own = compact(view);
+  std::vector<Adjacency> adjacency(view.neighbours.size(), Adjacency(view.segments.size()));
+  for (size_t n = 0; n < view.neighbours.size(); ++n) {
+    const SceneView& other = scene.views[view.neighbours[n]];
+    const bool is_first = view.image_id < other.image_id;
+    const auto found = matches.find(is_first ? ImagePair(view.image_id, other.image_id)
+                                             : ImagePair(other.image_id, view.image_id));
+    if (found == matches.end()) continue;
+    const std::vector<uint32_t> theirs = compact(other);
+    for (const LineMatch& match : found->second) {
+      const uint32_t a = at(own, is_first ? match.idx1 : match.idx2);
+      const uint32_t b = at(theirs, is_first ? match.idx2 : match.idx1);
+      if (a != kInvalidId32 && b != kInvalidId32) adjacency[n][a].emplace_back(b, match.distance);
+    }
+  }
+  return adjacency;
+}
+
 class Placer {
  public:
-  Placer(const LineOptions& options, const LineScene& scene, const LineMatchMap* matches,
-         uint32_t view_idx)
+  // `adjacency`: AdjacencyOf the view; null: all segments of neighbours may match.
+  Placer(const LineOptions& options, const LineScene& scene,
+         const std::vector<Adjacency>* adjacency, uint32_t view_idx)
       : options_(options),
         scene_(scene),
+        adjacency_(adjacency),
         view_idx_(view_idx),
         view_(scene.views[view_idx]),
         min_sine_(std::sin(options.min_ray_plane_angle_deg * kRadian)) {
@@ -113,7 +150,6 @@ class Placer {
         heights[i] = v.segments[i].normal.dot(v.view.centre() - view_.view.centre());
       heights_.push_back(std::move(heights));
     }
-    if (matches) SetAdjacency(*matches);
   }
 
   void Place(uint32_t segment_idx, SegmentNode* node, NodeCounts* counts) {
@@ -149,33 +185,6 @@ class Placer {
   }
 
  private:
-  void SetAdjacency(const LineMatchMap& matches) {
-    adjacency_.resize(view_.neighbours.size());
-    const auto compact = [](const SceneView& view) {
-      std::map<line2D_t, uint32_t> index;
-      for (uint32_t i = 0; i < view.segments.size(); ++i)
-        index.emplace(view.segments[i].line2D_idx, i);
-      return index;
-    };
-    const auto own = compact(view_);
-    for (size_t n = 0; n < view_.neighbours.size(); ++n) {
-      const SceneView& other = scene_.views[view_.neighbours[n]];
-      adjacency_[n].resize(view_.segments.size());
-      const bool is_first = view_.image_id < other.image_id;
-      const auto found = matches.find(is_first ? ImagePair(view_.image_id, other.image_id)
-                                               : ImagePair(other.image_id, view_.image_id));
-      if (found == matches.end()) continue;
-      const auto theirs = compact(other);
-      for (const LineMatch& match : found->second) {
-        const auto a = own.find(is_first ? match.idx1 : match.idx2);
-        const auto b = theirs.find(is_first ? match.idx2 : match.idx1);
-        if (a != own.end() && b != theirs.end())
-          adjacency_[n][a->second].emplace_back(b->second, match.distance);
-      }
-    }
-    guided_ = true;
-  }
-
   // Tests one pair beyond the epipolar band; adds it if it may be.
   void TestCandidate(uint32_t segment_idx, const SceneSegment& segment, size_t n, uint32_t i,
                      double iou, std::optional<float> distance) {
@@ -240,8 +249,8 @@ class Placer {
       const float c1 = std::min(low, high), c2 = std::max(low, high);
       return (std::min(c2, 1.0f) - std::max(c1, 0.0f)) / (std::max(c2, 1.0f) - std::min(c1, 0.0f));
     };
-    if (guided_) {
-      for (const auto& [i, distance] : adjacency_[n][segment_idx]) {
+    if (adjacency_) {
+      for (const auto& [i, distance] : (*adjacency_)[n][segment_idx]) {
         const auto to = [&](const Eigen::Vector3f& l, float x, float y) {
           return l.x() * x + l.y() * y + l.z();
         };
@@ -407,8 +416,8 @@ class Placer {
                                          std::abs(normal.dot(theirs.ideal.end - *a)));
         if (!(distance < best || (distance == best && i < found))) return;
         if (OverlapInImage(theirs, *a, *b) < kCheckOverlap) return;
-        if (guided_) {
-          const auto& given = adjacency_[n][segment_idx];
+        if (adjacency_) {
+          const auto& given = (*adjacency_)[n][segment_idx];
           if (std::none_of(given.begin(), given.end(),
                            [&](const auto& match) { return match.first == i; }))
             return;
@@ -547,8 +556,7 @@ class Placer {
   const double min_sine_;
   std::vector<Eigen::Matrix3d> fundamental_;  // to each neighbour
   std::vector<std::vector<double>> heights_;
-  bool guided_ = false;
-  std::vector<Adjacency> adjacency_;  // to each neighbour, if guided
+  const std::vector<Adjacency>* adjacency_;  // to each neighbour; null: not guided
 
   // Of the segment at hand.
   SegmentPlane plane_;
@@ -592,9 +600,13 @@ std::vector<std::vector<SegmentNode>> PlaceSegments(const LineOptions& options,
     for (uint32_t begin = 0; begin < size; begin += kChunk)
       tasks.push_back({v, begin, std::min(size, begin + kChunk)});
   }
+  std::vector<std::vector<Adjacency>> adjacency(matches ? scene.views.size() : 0);
+  ParallelTasks(num_threads, adjacency.size(), [&](size_t v) {
+    adjacency[v] = AdjacencyOf(scene, static_cast<uint32_t>(v), *matches);
+  });
   std::vector<NodeCounts> counts_of_task(tasks.size());
   ParallelTasks(num_threads, tasks.size(), [&](size_t t) {
-    Placer placer(options, scene, matches, tasks[t].view);
+    Placer placer(options, scene, matches ? &adjacency[tasks[t].view] : nullptr, tasks[t].view);
     for (uint32_t i = tasks[t].begin; i < tasks[t].end; ++i)
       placer.Place(i, &nodes[tasks[t].view][i], &counts_of_task[t]);
   });

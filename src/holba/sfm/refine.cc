@@ -77,6 +77,7 @@ class Refiner {
     options.config = BundleConfig::kPoint;
     options.refit_others = false;
     report_.points_alone = AdjustBundle(options, options_.solver, &model_);
+    bundle_.known_auto_sigmas = report_.points_alone.auto_sigmas;
     Log(fmt::format("Points alone: sigma {:.3f} px", SigmaPx(report_.points_alone, "point", 0.0)));
   }
 
@@ -109,6 +110,7 @@ class Refiner {
                .keep_group = [](group3D_t, const Group3D& group) { return IsSupported(group); }});
     report_.stage1 = AdjustBundle(bundle_, options_.solver, &part, {}, log_);
     CopyValues(part, &model_);
+    bundle_.known_auto_sigmas = report_.stage1.auto_sigmas;
     Reject(report_.stage1.filter);
   }
 

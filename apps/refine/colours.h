@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Colours of features from the photographs that show them, as COLMAP gives them to points.
+#pragma once
+
+#include <filesystem>
+#include <span>
+
+#include "holba/scene/reconstruction.h"
+
+namespace holba {
+
+// Mean colour over the images of the track: of these points at their pixels, of all lines along
+// their segments.
+void ColourFeatures(const std::filesystem::path& image_path, std::span<const point3D_t> point3D_ids,
+                    int num_threads, Reconstruction* model);
+
+}  // namespace holba
