@@ -20,7 +20,7 @@ import numpy as np
 
 import scene
 
-HOLBA = os.environ["HOLBA"]
+HOLBA = str(pathlib.Path(os.environ["HOLBA"]).resolve())
 OURS = ("cameras", "images", "points3D", "lines2D", "lines3D", "groups2D", "groups3D", "wireframe", "relations")
 
 
