@@ -29,7 +29,7 @@ struct PlaneOptions {
   double max_neighbour_px = 60.0;
   // Connected points below which there is no plane, and members below which it is not kept.
   int min_component = 20;
-  int min_points = 25;
+  int min_points = 20;
   // Mean share, over the members, of the 12 nearest points that are members too: 0.6 to 0.94 on
   // facades, roofs and tables, 0.37 to 0.57 in bushes and clutter.
   double min_share = 0.6;

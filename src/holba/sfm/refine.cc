@@ -55,9 +55,7 @@ class Refiner {
       Classify();
       Stage1();
       Stage2();
-      if (round + 1 < options_.num_rounds) {
-        UpdateAssociations(options_.structure, &model_, &report_.structure);
-      }
+      UpdateAssociations(options_.structure, &model_, &report_.structure);
     }
     Classify();
     FormGroupObservations();

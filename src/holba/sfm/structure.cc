@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/sfm/structure.h"
 
+#include <algorithm>
+#include <set>
 #include <vector>
 
 #include "holba/base/timer.h"
@@ -12,6 +14,25 @@ std::vector<point3D_t> JunctionIds(const JunctionReport& report) {
   std::vector<point3D_t> ids;
   for (const Junction& junction : report.junctions) ids.push_back(junction.point3D_id);
   return ids;
+}
+
+// A curved surface that is known by its label has been cut into planes before: those of most of
+// whose points it explains are not there.
+size_t RemovePlanesOnCurvedRegions(Reconstruction* model) {
+  std::set<point3D_t> curved;
+  for (const auto& [id, group] : model->groups3D) {
+    if (group.type->TakesPoints() && !group.type->TakesLines())
+      curved.insert(group.point3D_ids.begin(), group.point3D_ids.end());
+  }
+  std::set<group3D_t> planes;
+  for (const auto& [id, group] : model->groups3D) {
+    if (group.type->name != "PLANE") continue;
+    const auto count = std::count_if(group.point3D_ids.begin(), group.point3D_ids.end(),
+                                     [&](point3D_t p) { return curved.contains(p); });
+    if (2 * static_cast<size_t>(count) > group.point3D_ids.size()) planes.insert(id);
+  }
+  RemoveGroups(planes, model);
+  return planes.size();
 }
 
 }  // namespace
@@ -71,12 +92,15 @@ StructureReport BuildStructure(const StructureOptions& options, const ImageFeatu
   const std::vector<point3D_t> junction_ids = JunctionIds(report.junctions);
   report.corners = TriangulateCorners(options.corners, features, num_threads, model, junction_ids);
   lap("corners");
-  // Once more, with the points that came since among those that are on no plane yet.
+  // Once more, with the points that came since: those that the known planes do not explain.
+  AddPointsToPlanes(options.plane_members, {}, model);
   report.small_planes = DetectPlanes(options.planes, model);
   lap("planes");
   if (observe_regions) {
     const RegionObservations regions = observe_regions(model);
     report.regions = FormGroups(options.regions, regions.matches, regions.normals, model);
+    report.regions.dropped["plane: piece of a labelled curved surface"] +=
+        RemovePlanesOnCurvedRegions(model);
     lap("regions");
   }
   UpdateAssociations(options, model, &report);
