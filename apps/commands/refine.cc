@@ -123,7 +123,7 @@ class RefineJob : public Job {
  private:
   std::string image_path_, input_path_, output_path_, database_path_;
   ModelFormat format_ = ModelFormat::kBinary;
-  int num_pictures_ = 8;
+  int num_pictures_ = 4;
   bool covariances_ = false;
   DetectionOptions detection_;
   RegionOptions regions_;

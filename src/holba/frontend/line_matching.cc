@@ -143,6 +143,42 @@ bool OverlapsAlongEpipolarLines(const Eigen::Vector3f& line_of_start,
          min_overlap * (std::max(high, 1.0f) - std::min(low, 0.0f));
 }
 
+// Ends of segments in ideal pixels, laid out for a test of all of them; not a number: no ideal
+// pixel.
+struct SegmentEnds {
+  std::vector<float> start_x, start_y, end_x, end_y;
+
+  explicit SegmentEnds(const std::vector<std::optional<LineSegment2d>>& ideal) {
+    const size_t size = ideal.size();
+    for (auto* values : {&start_x, &start_y, &end_x, &end_y})
+      values->assign(size, std::numeric_limits<float>::quiet_NaN());
+    for (size_t i = 0; i < size; ++i) {
+      if (!ideal[i]) continue;
+      start_x[i] = static_cast<float>(ideal[i]->start.x());
+      start_y[i] = static_cast<float>(ideal[i]->start.y());
+      end_x[i] = static_cast<float>(ideal[i]->end.x());
+      end_y[i] = static_cast<float>(ideal[i]->end.y());
+    }
+  }
+
+  // Which segments lie beside the band between two epipolar lines: most do, and need no further
+  // look. The lines' normals point to one side.
+  void FindBeside(const Eigen::Vector3f& a, const Eigen::Vector3f& b,
+                  std::vector<uint8_t>* beside) const {
+    const size_t size = start_x.size();
+    const float *sx = start_x.data(), *sy = start_y.data(), *ex = end_x.data(), *ey = end_y.data();
+    const float ax = a.x(), ay = a.y(), az = a.z(), bx = b.x(), by = b.y(), bz = b.z();
+    uint8_t* out = beside->data();
+    for (size_t i = 0; i < size; ++i) {
+      const float as = ax * sx[i] + ay * sy[i] + az, ae = ax * ex[i] + ay * ey[i] + az;
+      const float bs = bx * sx[i] + by * sy[i] + bz, be = bx * ex[i] + by * ey[i] + bz;
+      const float least = std::min(std::min(as, ae), std::min(bs, be));
+      const float greatest = std::max(std::max(as, ae), std::max(bs, be));
+      out[i] = (least > kEpipolarErrorPx) | (greatest < -kEpipolarErrorPx);
+    }
+  }
+};
+
 // In the second image, with unit normal.
 Eigen::Vector3f EpipolarLine(const Eigen::Matrix3d& F, const Eigen::Vector2d& ideal1) {
   const Eigen::Vector3d line = F * ideal1.homogeneous();
@@ -234,6 +270,8 @@ std::vector<LineMatch> MatchSegments(const LineMatchingOptions& options,
   std::vector<Nearest> nearest1(n1, Nearest(options.num_matches));
   std::vector<Nearest> nearest2(n2, Nearest(options.num_matches));
   std::vector<float> cosines(n2);
+  const SegmentEnds ends2(segments2.ideal);
+  std::vector<uint8_t> beside(n2, 0);
   for (size_t i = 0; i < n1; ++i) {
     if (F && !segments1.ideal[i]) continue;
     const bool has_points = !signatures1.of_segment[i].empty();
@@ -246,10 +284,12 @@ std::vector<LineMatch> MatchSegments(const LineMatchingOptions& options,
     if (F) {
       line_of_start = EpipolarLine(*F, segments1.ideal[i]->start);
       line_of_end = EpipolarLine(*F, segments1.ideal[i]->end);
+      if (line_of_start.head<2>().dot(line_of_end.head<2>()) < 0.0f) line_of_end = -line_of_end;
+      ends2.FindBeside(line_of_start, line_of_end, &beside);
     }
     const int16_t* descriptor1 = &segments1.descriptors[i * kSegmentDescriptorSize];
     for (size_t j = 0; j < n2; ++j) {
-      if (direction.dot(directions2[j]) < min_cosine) continue;
+      if (beside[j] || direction.dot(directions2[j]) < min_cosine) continue;
       const int16_t* descriptor2 = &segments2.descriptors[j * kSegmentDescriptorSize];
       int32_t sum = 0;
       for (int k = 0; k < kSegmentDescriptorSize; ++k)

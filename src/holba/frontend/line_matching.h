@@ -19,7 +19,7 @@ namespace holba {
 
 struct LineMatchingOptions {
   // Matches kept for each segment of either image: which is right, geometry decides.
-  int num_matches = 10;
+  int num_matches = 5;
   // Distance of descriptors, of unit norm, beyond which segments do not look alike.
   double max_descriptor_distance = 0.8;
   // Directions in the image may differ by this from the rotation that the shared points have.

@@ -20,7 +20,7 @@ struct SegmentOptions {
   // to 4 times as long.
   double lsd_scale = 0.8;
   // Most shorter ones are not found again in other images.
-  double min_length_px = 10.0;
+  double min_length_px = 12.0;
   int max_num_segments = 1500;  // the longest
   // Moves segments onto the maxima of the brightness gradient (segment_refinement.h).
   bool refine = true;

@@ -53,7 +53,7 @@ class Refiner {
     const Timer adjust_timer;
     for (int round = 0; round < options_.num_rounds; ++round) {
       Classify();
-      Stage1();
+      Stage1(round + 1 == options_.num_rounds);
       Stage2();
       UpdateAssociations(options_.structure, &model_, &report_.structure);
     }
@@ -91,8 +91,10 @@ class Refiner {
                     report_.reliability.unreliable_lines.size(), model_.lines3D.size()));
   }
 
-  // Cameras, reliable features, groups, wireframe.
-  void Stage1() {
+  // Cameras, reliable features, groups, wireframe. Only the last one has to converge.
+  void Stage1(bool is_last) {
+    SolverOptions solver = options_.solver;
+    if (!is_last) solver.function_tolerance = std::max(solver.function_tolerance, kRoundTolerance);
     const Reliability& reliability = report_.reliability;
     Reconstruction part = Select(
         model_,
@@ -106,7 +108,7 @@ class Refiner {
         part, {.keep_point = {},
                .keep_line = {},
                .keep_group = [](group3D_t, const Group3D& group) { return IsSupported(group); }});
-    report_.stage1 = AdjustBundle(bundle_, options_.solver, &part, {}, log_);
+    report_.stage1 = AdjustBundle(bundle_, solver, &part, {}, log_);
     CopyValues(part, &model_);
     bundle_.known_auto_sigmas = report_.stage1.auto_sigmas;
     Reject(report_.stage1.filter);
@@ -174,6 +176,7 @@ class Refiner {
     ObserveGroups(&model_);
   }
 
+  static constexpr double kRoundTolerance = 1e-4;
   // Members that a group needs to take part in stage 1.
   static constexpr size_t kMinSupport = 3;
 
@@ -192,6 +195,8 @@ RefineOptions::RefineOptions() {
   // Gated associations bear strong weights (docs/adjust.md).
   bundle[TermFamily::kGroup].weight = 5.0;
   bundle[TermFamily::kWireframe].weight = 0.1;
+  // The rounds of refine test again what these have tested.
+  bundle.gate_rounds = 2;
   // COLMAP holds it at the middle of the image, where it is not: with the loss `auto` it is
   // determined, and poses and focal length gain far more than structure could give them.
   bundle.refine_principal_point = true;
