@@ -59,10 +59,17 @@ def manhattan_cells(model: pathlib.Path) -> list[str]:
     if not triples:
         return [str(len(vps)), "-", "-"]
     best = max(triples, key=lambda t: sum(v[1] for v in t))
+    # Where only two are seen, the third is perpendicular to both.
+    axes = [v[0] for v in best]
+    if len(axes) == 2:
+        (a, b, c), (d, e, f) = axes
+        cross = [b * f - c * e, c * d - a * f, a * e - b * d]
+        norm = math.sqrt(sum(x * x for x in cross))
+        axes.append([x / norm for x in cross])
     angles = " ".join(f"{angle_deg(a[0], b[0]):.2f}" for a, b in itertools.combinations(best, 2))
     near = []
     for normal, members in planes:
-        off = min(angle_deg(normal, v[0]) for v in best)
+        off = min(angle_deg(normal, axis) for axis in axes)
         if off < 10:
             near.append((off, members))
     total = sum(m for _, m in near)
@@ -144,9 +151,9 @@ def main() -> None:
                         "--Relations.form", "0", *intrinsics, *arguments.options)
                     direction_rows.append([name, *manhattan_cells(free)])
                     mapper = mapper_seconds(arguments.colmap, data, name, folder) if arguments.colmap else None
-                    time_rows.append([name, f"{seconds:.1f}"] + [f"{report['seconds'][k]:.1f}" for k in
+                    time_rows.append([name, f"{seconds:.2f}"] + [f"{report['seconds'][k]:.1f}" for k in
                                      ("detect", "match", "structure", "adjust")]
-                                     + [f"{mapper:.1f}" if mapper else "-"])
+                                     + [f"{mapper:.2f}" if mapper else "-"])
         print(markdown(["set", "intrinsics", "", "AUC @0.5 / 1 / 3 / 5 deg, %"], auc_rows, 3))
         if found_rows:
             print()

@@ -18,9 +18,6 @@ namespace {
 
 // Median of |x| of a normal distribution is 0.6745 sigma.
 constexpr double kSigmaPerMedian = 1.4826;
-// Annealing starts at this multiple of the goal and halves: wide enough to keep what the start has
-// wrong.
-constexpr double kStartMultiple = 8.0;
 // Scales that differ less than this are the same.
 constexpr double kScaleTolerance = 0.02;
 // Sine of 0.01 degrees: no direction is known better.
@@ -82,7 +79,7 @@ class AutoScales {
       terms_.insert(term);
       if (scales_.contains(term)) continue;
       fresh = true;
-      scales_[term] = kStartMultiple * Goal(problem, term);
+      scales_[term] = options_.auto_start_multiple * Goal(problem, term);
     }
     Apply(problem);
     return fresh;

@@ -87,6 +87,9 @@ struct BundleOptions {
   // say.
   double auto_min_scale_px = 0.05;
 
+  // Its annealing starts at this multiple of the goal and halves: wide enough to keep what the start
+  // has wrong.
+  double auto_start_multiple = 8.0;
   // Standard deviations by term that an earlier adjustment of these features measured
   // (BundleSummary::auto_sigmas): the losses `auto` of these terms start at their goals instead of
   // being annealed from far. Empty: nothing is known.

@@ -74,6 +74,8 @@ class Refiner {
     BundleOptions options = bundle_;
     options.config = BundleConfig::kPoint;
     options.refit_others = false;
+    // The given points were not: COLMAP's own last adjustment follows what is wrong.
+    options.auto_start_multiple = BundleOptions().auto_start_multiple;
     report_.points_alone = AdjustBundle(options, options_.solver, &model_);
     bundle_.known_auto_sigmas = report_.points_alone.auto_sigmas;
     Log(fmt::format("Points alone: sigma {:.3f} px", SigmaPx(report_.points_alone, "point", 0.0)));
@@ -195,6 +197,8 @@ RefineOptions::RefineOptions() {
   // Gated associations bear strong weights (docs/adjust.md).
   bundle[TermFamily::kGroup].weight = 5.0;
   bundle[TermFamily::kWireframe].weight = 0.1;
+  // Lines, junctions and corners were fitted robustly when they were made.
+  bundle.auto_start_multiple = 3.0;
   // The rounds of refine test again what these have tested.
   bundle.gate_rounds = 2;
   // COLMAP holds it at the middle of the image, where it is not: with the loss `auto` it is
