@@ -5,6 +5,7 @@
 
 #include "holba/bundle/bundle_problem.h"
 #include "holba/geometry/manifold.h"
+#include "holba/scene/selection.h"
 #include "holba/solver/covariance.h"
 
 namespace holba {
@@ -30,37 +31,32 @@ Eigen::MatrixXd FileParamsByTangent(const GroupType& type, const double* g) {
   return J;
 }
 
-}  // namespace
-
-std::optional<ModelUncertainty> EstimateUncertainty(const Reconstruction& model,
-                                                    const BundleOptions& given,
-                                                    const BundleSummary& summary,
-                                                    std::span<const GroupMeasurement> measurements,
-                                                    int num_threads) {
-  BundleOptions options = given;
-  options.SetDefaultLosses(false);
-  BundleProblem bundle = BuildProblem(model, options, measurements, &summary.filter);
-  for (const auto& batch : bundle.problem.batches()) {
+// Adds what the problem of `options` knows and `result` does not have yet; false: singular.
+bool AddCovariances(const Reconstruction& model, const BundleOptions& options,
+                    const BundleSummary& summary, std::span<const GroupMeasurement> measurements,
+                    int num_threads, ModelUncertainty* result) {
+  const BundleProblem bundle = BuildProblem(model, options, measurements, &summary.filter);
+  const Problem& problem = bundle.problem;
+  for (const auto& batch : problem.batches()) {
     const auto scale = summary.auto_scales.find(batch->term());
     if (scale != summary.auto_scales.end()) batch->loss = {LossType::kCauchy, scale->second};
     if (batch->angular) batch->weight *= summary.angular_weight_factor;
     if (batch->term() == "structure_point") batch->weight *= summary.structure_point_weight_factor;
   }
-  const Problem& problem = bundle.problem;
   const std::optional<Covariance> covariance = Covariance::Compute(problem, num_threads);
-  if (!covariance) return std::nullopt;
+  if (!covariance) return false;
 
-  ModelUncertainty result;
-  result.sigma_px = RobustSigma(problem, "point");
-  if (!(result.sigma_px > 0.0)) result.sigma_px = RobustSigma(problem, "line");
-  const double variance = result.sigma_px * result.sigma_px;
+  double sigma_px = RobustSigma(problem, "point");
+  if (!(sigma_px > 0.0)) sigma_px = RobustSigma(problem, "line");
+  if (result->sigma_px == 0.0) result->sigma_px = sigma_px;
+  const double variance = result->sigma_px * result->sigma_px;
   for (const auto& [id, block] : bundle.poses) {
     const Eigen::MatrixXd C = variance * covariance->Of(block);
-    if (C.allFinite()) result.poses[id] = C;
+    if (C.allFinite()) result->poses.emplace(id, C);
   }
   for (const auto& [id, block] : bundle.points) {
     const Eigen::MatrixXd C = variance * covariance->Of(block);
-    if (C.allFinite()) result.points[id] = C;
+    if (C.allFinite()) result->points.emplace(id, C);
   }
   for (const auto& [id, block] : bundle.lines) {
     const Eigen::MatrixXd C = variance * covariance->Of(block);
@@ -74,15 +70,45 @@ std::optional<ModelUncertainty> EstimateUncertainty(const Reconstruction& model,
       return J * C * J.transpose();
     };
     const Line3D& line = model.lines3D.at(id);
-    result.lines[id] = {at(line.start), at(line.end)};
+    result->lines.emplace(id, LineCovariance{at(line.start), at(line.end)});
   }
   for (const auto& [id, block] : bundle.groups) {
     const Eigen::MatrixXd C = variance * covariance->Of(block);
     if (!C.allFinite()) continue;
     const Eigen::MatrixXd J =
         FileParamsByTangent(*model.groups3D.at(id).type, problem.values(block));
-    result.groups[id] = J * C * J.transpose();
+    result->groups.emplace(id, J * C * J.transpose());
   }
+  return true;
+}
+
+}  // namespace
+
+std::optional<ModelUncertainty> EstimateUncertainty(const Reconstruction& model,
+                                                    const BundleOptions& given,
+                                                    const BundleSummary& summary,
+                                                    std::span<const GroupMeasurement> measurements,
+                                                    int num_threads) {
+  BundleOptions options = given;
+  options.SetDefaultLosses(false);
+  ModelUncertainty result;
+  if (summary.cameras_held) {
+    // What contradicts the points does not make the cameras surer.
+    BundleOptions points_only = options;
+    points_only.config = BundleConfig::kPoint;
+    const Reconstruction alone = Select(
+        model,
+        {.keep_point = [&](point3D_t id,
+                           const Point3D&) { return !options.points_of_structure.contains(id); },
+         .keep_line = {},
+         .keep_group = {}});
+    if (!AddCovariances(alone, points_only, summary, {}, num_threads, &result)) return std::nullopt;
+    options.fix_poses = true;
+    options.refine_focal_length = options.refine_principal_point = options.refine_extra_params =
+        false;
+  }
+  if (!AddCovariances(model, options, summary, measurements, num_threads, &result))
+    return std::nullopt;
   return result;
 }
 

@@ -82,6 +82,23 @@ TEST(Uncertainty, GroupsHaveTheCovarianceOfTheirFileParameters) {
   EXPECT_EQ(planes, a.scene.truth.groups3D.size() - 3);
 }
 
+TEST(Uncertainty, StructureThatContradictsThePointsMakesCamerasNoSurer) {
+  const Adjusted points = AdjustScene(BundleConfig::kPoint, false);
+  Adjusted a = AdjustScene(BundleConfig::kHolistic, false);
+  a.summary.cameras_held = true;
+  const ModelUncertainty held = *EstimateUncertainty(a.scene.perturbed, a.options, a.summary);
+  EXPECT_EQ(held.lines.size(), a.scene.truth.lines3D.size());
+  EXPECT_EQ(held.groups.size(), a.uncertainty.groups.size());
+  double held_sum = 0.0, points_sum = 0.0, free_sum = 0.0;
+  for (const auto& [id, C] : held.poses) {
+    held_sum += C.trace();
+    points_sum += points.uncertainty.poses.at(id).trace();
+    free_sum += a.uncertainty.poses.at(id).trace();
+  }
+  EXPECT_NEAR(held_sum, points_sum, 0.05 * points_sum);
+  EXPECT_LT(free_sum, 0.95 * held_sum);
+}
+
 TEST(Uncertainty, ThePoseThatTheGaugeHoldsHasNone) {
   const Adjusted a = AdjustScene(BundleConfig::kPointLine, false);
   ASSERT_EQ(a.uncertainty.poses.size(), a.scene.truth.frames.size());

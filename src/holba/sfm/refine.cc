@@ -31,7 +31,8 @@ class Refiner {
   Refiner(const RefineOptions& options, const ImageFeatureMap& features, Reconstruction* model,
           const std::function<void(const std::string&)>& log)
       : options_(options), features_(features), model_(*model), log_(log) {
-    bundle_ = options.AdjustmentOptions();
+    bundle_ = options.bundle;
+    if (options.fix_poses) HoldCameras(&bundle_);
   }
 
   RefineReport Run(const LineMatcher& match_lines, const RegionObserver& observe_regions) {
@@ -58,6 +59,7 @@ class Refiner {
       UpdateAssociations(options_.structure, &model_, &report_.structure);
     }
     Classify();
+    report_.stage1_options = bundle_;
     FormGroupObservations();
     UpdateErrors(&model_);
     report_.adjust_seconds = points_seconds + adjust_timer.Seconds();
@@ -204,12 +206,6 @@ RefineOptions::RefineOptions() {
   // COLMAP holds it at the middle of the image, where it is not: with the loss `auto` it is
   // determined, and poses and focal length gain far more than structure could give them.
   bundle.refine_principal_point = true;
-}
-
-BundleOptions RefineOptions::AdjustmentOptions() const {
-  BundleOptions options = bundle;
-  if (fix_poses) HoldCameras(&options);
-  return options;
 }
 
 void RefineOptions::Describe(OptionTable* table) {

@@ -28,8 +28,6 @@ struct RefineOptions {
   int num_threads = -1;
 
   RefineOptions();
-  // Of stage 1.
-  BundleOptions AdjustmentOptions() const;
   void Describe(OptionTable* table);
 };
 
@@ -37,8 +35,9 @@ struct RefineReport {
   // Points alone, before structure is built.
   BundleSummary points_alone;
   StructureReport structure;
-  // Of the last round.
+  // Of the last round, and what stage 1 was told.
   BundleSummary stage1, stage2;
+  BundleOptions stage1_options;
   Reliability reliability;
   // Associations that the tests of all stages threw out, by kind.
   std::map<std::string, size_t> rejected;
