@@ -273,7 +273,7 @@ class Adjuster {
         CameraReference::Of(bundle, solver_options_.num_threads, &workspace_);
     if (!reference) return;
     WriteBack(bundle, &model_);
-    trusted_.emplace(std::move(bundle));
+    points_alone_.emplace(std::move(bundle));
     reference_ = std::move(reference);
   }
 
@@ -288,9 +288,10 @@ class Adjuster {
     return *summary_.camera_shift_sigmas > options_.max_camera_shift_sigmas;
   }
 
-  // Back to the last cameras (and points) that nothing contradicts; there they stay.
+  // Back to the cameras (and points) of points alone; there they stay. Not to those of points and
+  // lines, where these passed: less information has less to contradict with.
   void HoldCameras() {
-    WriteBack(*trusted_, &model_);
+    WriteBack(*points_alone_, &model_);
     options_.fix_poses = true;
     options_.refine_focal_length = options_.refine_principal_point = options_.refine_extra_params =
         false;
@@ -312,7 +313,6 @@ class Adjuster {
       return;
     }
     WriteBack(bundle, &model_);
-    if (reference_) trusted_.emplace(std::move(bundle));
   }
 
   // Rounds of testing and adjusting. Leaves the model near the optimum of the associations that it
@@ -391,8 +391,8 @@ class Adjuster {
   SolverWorkspace workspace_;  // many rounds are of one structure
   BundleSummary summary_;
   std::optional<CameraReference> reference_;
-  std::optional<BundleProblem> trusted_;  // the last whose cameras agree with it
-  bool stopped_ = false;                  // by the caller, or because time is up
+  std::optional<BundleProblem> points_alone_;  // that it is of
+  bool stopped_ = false;                       // by the caller, or because time is up
 };
 
 }  // namespace
