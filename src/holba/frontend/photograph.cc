@@ -1,64 +1,69 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/frontend/photograph.h"
 
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string>
 
 #include "holba/base/error.h"
+#include "holba/frontend/jpeg_file.h"
+#include "holba/frontend/png_file.h"
 
 namespace holba {
 namespace {
 
-cv::Mat ReadMatrix(const std::filesystem::path& path, int flags) {
+// What a file says it is by its first bytes: extensions lie.
+enum class Format { kUnknown, kJpeg, kPng };
+
+Format FormatOf(const std::filesystem::path& path) {
   if (!std::filesystem::is_regular_file(path)) {
     throw InputError(path,
                      "there is no such image; --image_path must be the folder that the image "
                      "names of the model belong to");
   }
-  cv::Mat image;
-  try {
-    image = cv::imread(path.string(), flags | cv::IMREAD_IGNORE_ORIENTATION);
-  } catch (const cv::Exception& error) {
-    throw InputError(path, std::string("the image cannot be decoded: ") + error.what());
+  std::FILE* file = std::fopen(path.c_str(), "rb");
+  if (file == nullptr) throw InputError(path, "cannot be opened for reading");
+  unsigned char head[8] = {};
+  const size_t size = std::fread(head, 1, sizeof(head), file);
+  std::fclose(file);
+  if (size >= 3 && head[0] == 0xff && head[1] == 0xd8 && head[2] == 0xff) return Format::kJpeg;
+  constexpr unsigned char kPng[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+  if (size == 8 && std::equal(head, head + 8, kPng)) return Format::kPng;
+  return Format::kUnknown;
+}
+
+DecodedImage Decode(const std::filesystem::path& path, bool grey) {
+  switch (FormatOf(path)) {
+    case Format::kJpeg:
+      return ReadJpeg(path, grey);
+    case Format::kPng:
+      return ReadPng(path, grey);
+    case Format::kUnknown:
+      break;
   }
-  if (image.empty()) {
-    throw InputError(path,
-                     "this is no image of a known format (jpg, png, tif, ...), or it is damaged");
-  }
-  return image;
+  throw InputError(path,
+                   "this is neither a JPEG nor a PNG file, or it is damaged; convert it to one "
+                   "of the two under the same name");
 }
 
 }  // namespace
 
 GreyImage ReadGreyImage(const std::filesystem::path& path) {
-  const cv::Mat image = ReadMatrix(path, cv::IMREAD_GRAYSCALE);
-  GreyImage result{image.cols, image.rows, {}};
-  for (int y = 0; y < image.rows; ++y)
-    result.pixels.insert(result.pixels.end(), image.ptr<uint8_t>(y),
-                         image.ptr<uint8_t>(y) + image.cols);
-  return result;
+  DecodedImage image = Decode(path, true);
+  return {image.width, image.height, std::move(image.pixels)};
 }
 
 ColourImage ReadColourImage(const std::filesystem::path& path) {
-  cv::Mat image = ReadMatrix(path, cv::IMREAD_COLOR), rgb;
-  cv::cvtColor(image, rgb, cv::COLOR_BGR2RGB);
-  ColourImage result{rgb.cols, rgb.rows, {}};
-  for (int y = 0; y < rgb.rows; ++y)
-    result.pixels.insert(result.pixels.end(), rgb.ptr<uint8_t>(y),
-                         rgb.ptr<uint8_t>(y) + 3 * rgb.cols);
-  return result;
+  DecodedImage image = Decode(path, false);
+  return {image.width, image.height, std::move(image.pixels)};
 }
 
 void WriteImage(const ColourImage& image, const std::filesystem::path& path) {
-  const cv::Mat rgb(image.height, image.width, CV_8UC3, const_cast<uint8_t*>(image.pixels.data()));
-  cv::Mat bgr;
-  cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
-  bool written = false;
-  try {
-    written = cv::imwrite(path.string(), bgr);
-  } catch (const cv::Exception&) {
-  }
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  const bool written = extension == ".png" ? WritePng(image, path) : WriteJpeg(image, path);
   if (!written) throw InputError(path, "the picture cannot be written");
 }
 
