@@ -92,6 +92,12 @@ class RefineJob : public Job {
     }
     output.refine = RefineModel(refine_, features, match_lines, observe_regions, &model,
                                 [](const std::string& text) { LogInfo("{}", text); });
+    if (model.lines3D.empty()) {
+      LogWarning(
+          "No 3D lines were found; the report says at which step they were lost (a line needs {} "
+          "images)",
+          refine_.structure.lines.min_images);
+    }
     output.leave_one_out = LeaveOneOut(model, 4, refine_.num_threads);
 
     const Timer write_timer;

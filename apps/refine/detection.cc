@@ -338,6 +338,7 @@ LineMatchMap MatchLines(const DetectionOptions& options, const Reconstruction& m
         ImportSegments(options.imports.segments, model, options.segment_import, &segment_report),
         &import_report);
     report->dropped.merge(import_report.dropped);
+    report->matches_imported = true;
     report->num_pairs = import_report.num_pairs;
     report->num_line_matches = import_report.num_matches;
     const std::string settings = "imported";

@@ -54,6 +54,7 @@ struct DetectionReport {
   size_t images_reused = 0;  // all of it was in the database
   size_t num_segments = 0, num_corners = 0, num_vanishing_points = 0, num_labelled_regions = 0;
   size_t num_pairs = 0, pairs_reused = 0;
+  bool matches_imported = false;
   size_t num_line_matches = 0;
   std::map<std::string, size_t> dropped;  // of imports
   double detect_seconds = 0.0, match_seconds = 0.0;

@@ -189,11 +189,13 @@ std::string DetectionText(const DetectionReport& report, const std::filesystem::
 }
 
 std::string MatchingText(const DetectionReport& report) {
-  return fmt::format(
-      "{} pairs of images: {} matches of segments ({} pairs from the database, {} matched), {:.1f} "
-      "s",
-      report.num_pairs, report.num_line_matches, report.pairs_reused,
-      report.num_pairs - report.pairs_reused, report.match_seconds);
+  const std::string origin =
+      report.matches_imported
+          ? "imported"
+          : fmt::format("{} pairs from the database, {} matched", report.pairs_reused,
+                        report.num_pairs - report.pairs_reused);
+  return fmt::format("{} pairs of images: {} matches of segments ({}), {:.1f} s", report.num_pairs,
+                     report.num_line_matches, origin, report.match_seconds);
 }
 
 }  // namespace holba

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "holba/estimation/point_triangulation.h"
 #include "holba/geometry/types.h"
 
 namespace holba {
@@ -36,12 +37,8 @@ std::optional<Eigen::Matrix3d> PointCovariance(const ViewMap& views, const Eigen
   int num_views = 0;
   for (const PointObservation& o : observations) {
     const IdealView& view = views.at(o.image_id);
-    const Eigen::Vector3d x = view.R() * X + view.t();
-    if (!(x.z() > 0.0)) continue;
-    Matrix23d by_cam;
-    by_cam << view.K()(0, 0), 0.0, -view.K()(0, 0) * x.x() / x.z(), 0.0, view.K()(1, 1),
-        -view.K()(1, 1) * x.y() / x.z();
-    const Matrix23d J = by_cam / x.z() * view.R();
+    if (!(view.Depth(X) > 0.0)) continue;
+    const Matrix23d J = ProjectionJacobian(view, X);
     information += J.transpose() * J;
     ++num_views;
   }
