@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "holba/estimation/group_estimation.h"
+#include "holba/estimation/group_ids.h"
+#include "holba/estimation/median.h"
 
 namespace holba {
 namespace {
@@ -38,13 +40,6 @@ size_t NumCommon(const std::vector<T>& a, const std::vector<T>& b) {
       a.begin(), a.end(), [&b](T value) { return std::binary_search(b.begin(), b.end(), value); }));
 }
 
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 class GroupFormer {
  public:
   GroupFormer(const GroupFormingOptions& options, const GroupNormals& normals,
@@ -68,7 +63,7 @@ class GroupFormer {
         regions_.push_back(std::move(region));
       }
     }
-    for (const auto& [id, group] : model_.groups3D) next_id_ = std::max(next_id_, id + 1);
+    next_id_ = NextGroup3DId(model_);
   }
 
   GroupFormingReport Run(std::span<const GroupObservationPair> matches) {
@@ -483,8 +478,8 @@ class GroupFormer {
 }  // namespace
 
 GroupFormingReport FormGroups(const GroupFormingOptions& options,
-                              std::span<const GroupObservationPair> matches, const GroupNormals& normals,
-                              Reconstruction* model) {
+                              std::span<const GroupObservationPair> matches,
+                              const GroupNormals& normals, Reconstruction* model) {
   return GroupFormer(options, normals, model).Run(matches);
 }
 

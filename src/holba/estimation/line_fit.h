@@ -69,7 +69,8 @@ double SquaredDistance(const LineSupport& support, const AnchoredLine& line);
 
 // Interval of the line that its supports show, robust: pieces of one image are joined, and of the
 // images' lower ends the lowest are dropped as outliers (two of 6 or more images, one of 4 or 5,
-// none of fewer), upper ends likewise. Empty: no support has an extent.
+// none of fewer), upper ends likewise; where that leaves nothing, for images show pieces apart,
+// none is dropped. Empty: no support has an extent.
 std::optional<std::pair<double, double>> ExtentOfLine(std::span<const LineSupport> supports,
                                                       const AnchoredLine& line);
 

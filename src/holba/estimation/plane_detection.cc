@@ -14,7 +14,9 @@
 
 #include "holba/base/random.h"
 #include "holba/base/threads.h"
+#include "holba/estimation/group_ids.h"
 #include "holba/estimation/kd_tree.h"
+#include "holba/estimation/median.h"
 #include "holba/estimation/point_uncertainty.h"
 #include "holba/group/group_type.h"
 
@@ -51,13 +53,6 @@ struct FoundPlane {
   std::vector<uint32_t> members;
   double gain = 0.0;
 };
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 double AngleRad(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), std::abs(a.dot(b)));
@@ -606,8 +601,7 @@ PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
   const std::vector<PlanePoint> kept = points;
   const std::vector<FoundPlane> planes =
       PlaneFinder(options, std::move(points), vp_normals, &report).Run();
-  group3D_t next_id = 0;
-  for (const auto& [id, group] : model->groups3D) next_id = std::max(next_id, id + 1);
+  group3D_t next_id = NextGroup3DId(*model);
   std::vector<double> residuals;
   for (const FoundPlane& plane : planes) {
     Group3D group;

@@ -6,21 +6,13 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
+#include "holba/estimation/median.h"
 #include "holba/estimation/point_triangulation.h"
 #include "holba/geometry/types.h"
 
 namespace holba {
-namespace {
-
-double MedianInPlace(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
-
-}  // namespace
-
 ViewMap MakeViews(const Reconstruction& model) {
   ViewMap views;
   views.Reserve(model.images.size());
@@ -84,7 +76,7 @@ std::optional<double> GroundSamplingDistance(const ViewMap& views, const Eigen::
     if (depth > 0.0) lengths.push_back(depth / view.focal());
   }
   if (lengths.empty()) return std::nullopt;
-  return MedianInPlace(&lengths);
+  return Median(std::move(lengths));
 }
 
 size_t NumImages(std::span<const PointObservation> observations) {
@@ -129,7 +121,7 @@ std::optional<double> MeasurePointSigmaPx(const Reconstruction& model, const Vie
   if (residuals.empty()) return std::nullopt;
   const double num = static_cast<double>(residuals.size());
   const double redundancy = std::max(num - 3.0 * num_points, 0.1 * num);
-  return MedianInPlace(&residuals) / 0.6744897501960817 * std::sqrt(num / redundancy);
+  return Median(std::move(residuals)) / 0.6744897501960817 * std::sqrt(num / redundancy);
 }
 
 }  // namespace holba

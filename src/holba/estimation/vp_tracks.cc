@@ -12,6 +12,8 @@
 
 #include "holba/base/check.h"
 #include "holba/estimation/direction_fit.h"
+#include "holba/estimation/group_ids.h"
+#include "holba/estimation/median.h"
 #include "holba/scene/ideal_view.h"
 
 namespace holba {
@@ -30,13 +32,6 @@ constexpr double kFirstFactor = 3.0;
 
 double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), std::abs(a.dot(b))) * kDegPerRad;
-}
-
-double Median(std::vector<double> values) {
-  HOLBA_CHECK(!values.empty());
-  const auto middle = values.begin() + values.size() / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // A vanishing point of an image.
@@ -311,12 +306,6 @@ std::optional<group3D_t> FindVp(const Reconstruction& model, const Eigen::Vector
   return best;
 }
 
-group3D_t NextGroupId(const Reconstruction& model) {
-  group3D_t next = 1;
-  for (const auto& [id, group] : model.groups3D) next = std::max(next, id + 1);
-  return next;
-}
-
 }  // namespace
 
 void VpTrackOptions::Describe(OptionTable* table) {
@@ -358,7 +347,7 @@ VpTrackReport FormVanishingPoints(const VpTrackOptions& options, const ImageFeat
 
   const GroupType* const type = FindGroupType("VP");
   HOLBA_CHECK(type != nullptr);
-  const group3D_t first_new_id = NextGroupId(*model);
+  const group3D_t first_new_id = NextGroup3DId(*model);
   size_t num_members = 0;
   for (const Track& track : tracks) {
     std::optional<group3D_t> id = FindVp(*model, track.direction, options.merge_deg);
