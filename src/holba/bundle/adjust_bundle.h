@@ -31,7 +31,7 @@ struct BundleSummary {
   AssociationFilter filter;  // which those were
   // How far lines and structure moved the cameras from where points alone have them, in standard
   // deviations of the latter (camera_shift.h), at the last test; empty: not tested. Too far
-  // (max_camera_shift_sigmas): the cameras were held where lines, or points alone, have them.
+  // (max_camera_shift_sigmas): the cameras were held where points alone have them.
   std::optional<double> camera_shift_sigmas;
   bool cameras_held = false;
   // On the weights of terms in angles: the variance of the measured noise in pixels.

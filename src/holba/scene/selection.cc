@@ -9,8 +9,7 @@
 
 namespace holba {
 
-Reconstruction Select(const Reconstruction& model, const ModelSelection& selection) {
-  Reconstruction part = model;
+Reconstruction Select(Reconstruction part, const ModelSelection& selection) {
   if (selection.keep_point) {
     part.points3D.RemoveIf(
         [&](point3D_t id, const Point3D& point) { return !selection.keep_point(id, point); });

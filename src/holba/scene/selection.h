@@ -16,9 +16,10 @@ struct ModelSelection {
   std::function<bool(group3D_t, const Group3D&)> keep_group;
 };
 
-// A consistent model of the chosen features and groups; what refers to others (members, edges,
-// relations, references of 2D features) is gone, 2D features keep their indices.
-Reconstruction Select(const Reconstruction& model, const ModelSelection& selection);
+// `part`, the whole as it comes in, without all else: a consistent model of the chosen features and
+// groups; what refers to others (members, edges, relations, references of 2D features) is gone, 2D
+// features keep their indices.
+Reconstruction Select(Reconstruction part, const ModelSelection& selection);
 
 // Poses, intrinsics, points, lines and parameters of groups of a part (Select's, then adjusted)
 // into the model that it was taken from. Tracks, members and edges of the model stay as they are.

@@ -4,7 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <set>
+#include <utility>
+#include <vector>
 
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
@@ -56,7 +59,10 @@ class Refiner {
       Classify();
       Stage1(round + 1 == options_.num_rounds);
       Stage2();
+      const std::map<group3D_t, std::vector<double>> adjusted = GroupParams();
       UpdateAssociations(options_.structure, &model_, &report_.structure);
+      // Members are judged by fits to points and lines; what is written is the adjustment's.
+      if (round + 1 == options_.num_rounds) SetGroupParams(adjusted);
     }
     Classify();
     report_.stage1_options = bundle_;
@@ -109,9 +115,10 @@ class Refiner {
          .keep_group = {}});
     // Groups with too little active support would be free to go anywhere.
     part = Select(
-        part, {.keep_point = {},
-               .keep_line = {},
-               .keep_group = [](group3D_t, const Group3D& group) { return IsSupported(group); }});
+        std::move(part),
+        {.keep_point = {}, .keep_line = {}, .keep_group = [](group3D_t, const Group3D& group) {
+           return IsSupported(group);
+         }});
     report_.stage1 = AdjustBundle(bundle_, solver, &part, {}, log_);
     CopyValues(part, &model_);
     bundle_.known_auto_sigmas = report_.stage1.auto_sigmas;
@@ -129,11 +136,11 @@ class Refiner {
          .keep_line = [&](line3D_t id,
                           const Line3D&) { return reliability.unreliable_lines.contains(id); },
          .keep_group = {}});
-    // A group of uncertain features alone is what they make of it.
-    const auto by_reliable = [&](group3D_t id, const Group3D& group) {
+    // A group without members is no group.
+    const auto has_members = [](group3D_t, const Group3D& group) {
       return !group.point3D_ids.empty() || !group.line3D_ids.empty();
     };
-    part = Select(part, {.keep_point = {}, .keep_line = {}, .keep_group = by_reliable});
+    part = Select(std::move(part), {.keep_point = {}, .keep_line = {}, .keep_group = has_members});
     BundleOptions options = bundle_;
     HoldCameras(&options);
     options.fix_groups = true;
@@ -143,6 +150,18 @@ class Refiner {
     // The group is judged by its reliable members, in stage 1.
     filter.groups.clear();
     Reject(filter);
+  }
+
+  std::map<group3D_t, std::vector<double>> GroupParams() const {
+    std::map<group3D_t, std::vector<double>> params;
+    for (const auto& [id, group] : model_.groups3D) params[id] = group.params;
+    return params;
+  }
+  void SetGroupParams(const std::map<group3D_t, std::vector<double>>& params) {
+    for (auto& [id, group] : model_.groups3D) {
+      const auto known = params.find(id);
+      if (known != params.end()) group.params = known->second;
+    }
   }
 
   static bool IsSupported(const Group3D& group) {
@@ -169,7 +188,7 @@ class Refiner {
       if (group) ++report_.rejected[std::string(group->type->name) + " groups"];
     }
     model_ =
-        Select(model_,
+        Select(std::move(model_),
                {.keep_point = {}, .keep_line = {}, .keep_group = [&](group3D_t id, const Group3D&) {
                   return !filter.groups.contains(id);
                 }});

@@ -56,6 +56,10 @@ void UpdateAssociations(const StructureOptions& options, Reconstruction* model,
   report->seconds["relations"] += timer.Seconds();
 }
 
+void StructureOptions::SetNumThreads(int num_threads) {
+  planes.num_threads = plane_members.num_threads = regions.members.num_threads = num_threads;
+}
+
 void StructureOptions::Describe(OptionTable* table) {
   planes.Describe(table);
   vps.Describe(table);

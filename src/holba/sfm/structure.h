@@ -38,6 +38,9 @@ struct StructureOptions {
   RelationOptions relations;
   bool form_relations = true;
 
+  // For all steps that have threads.
+  void SetNumThreads(int num_threads);
+
   void Describe(OptionTable* table);
 };
 
