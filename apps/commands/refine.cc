@@ -3,6 +3,7 @@
 #include "holba/sfm/refine.h"
 
 #include <filesystem>
+#include <map>
 #include <string>
 
 #include "apps/command.h"
@@ -66,6 +67,7 @@ class RefineJob : public Job {
                        "points: triangulate first (colmap point_triangulator)");
     }
     detection_.num_threads = refine_.num_threads = refine_.solver.num_threads;
+    refine_.structure.SetNumThreads(refine_.num_threads);
 
     RefineOutput output;
     const std::filesystem::path database_path =
@@ -73,13 +75,15 @@ class RefineJob : public Job {
                                : std::filesystem::path(database_path_);
     Database database(database_path);
     const std::map<image_t, image_t> database_id = database.MatchImages(model);
-    const ImageFeatureMap features =
-        DetectFeatures(detection_, image_path_, model, database_id, &database, &output.detection);
+    std::map<image_t, ImportedSegments> imported;
+    const ImageFeatureMap features = DetectFeatures(detection_, image_path_, model, database_id,
+                                                    &database, &imported, &output.detection);
     LogInfo("{}", DetectionText(output.detection, database_path));
 
     LineMatchMap matches;
     const auto match_lines = [&](const Reconstruction& posed) {
-      matches = MatchLines(detection_, posed, features, database_id, &database, &output.detection);
+      matches = MatchLines(detection_, posed, features, database_id, imported, &database,
+                           &output.detection);
       LogInfo("{}", MatchingText(output.detection));
       return matches;
     };

@@ -45,6 +45,10 @@ uint64_t Hash(const void* data, size_t size, uint64_t hash = 0xcbf29ce484222325U
   return hash;
 }
 
+void AddCounts(const std::map<std::string, size_t>& counts, std::map<std::string, size_t>* sum) {
+  for (const auto& [reason, count] : counts) (*sum)[reason] += count;
+}
+
 uint64_t HashOf(const ImportedSegments& imported) {
   uint64_t hash = Hash(imported.descriptors.data(), imported.descriptors.size() * sizeof(float));
   for (const LineSegment2d& s : imported.segments) {
@@ -247,14 +251,14 @@ void DetectionOptions::Describe(OptionTable* table) {
 ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& image_path,
                                const Reconstruction& model,
                                const std::map<image_t, image_t>& database_id, Database* database,
+                               std::map<image_t, ImportedSegments>* imported,
                                DetectionReport* report) {
   const Timer timer;
-  std::map<image_t, ImportedSegments> imported;
   if (!options.imports.segments.empty()) {
     SegmentImportReport import_report;
-    imported =
+    *imported =
         ImportSegments(options.imports.segments, model, options.segment_import, &import_report);
-    report->dropped.merge(import_report.dropped);
+    AddCounts(import_report.dropped, &report->dropped);
     LogInfo(
         "Imported {} segments of {} images; {} images of the model are not in the files, {} names "
         "of the files are not in the model",
@@ -270,7 +274,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& 
     task.feature_settings = SettingsOf(options.extraction, *task.camera);
     if (!options.imports.segments.empty()) {
       // An image that the files do not have has no segments.
-      task.imported = &imported[image_id];
+      task.imported = &(*imported)[image_id];
       task.feature_settings += fmt::format(" imported={:016x}", HashOf(*task.imported));
     }
     tasks.push_back(std::move(task));
@@ -311,7 +315,9 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& 
     ImportRegions({options.imports.labels, options.imports.normals, options.imports.depths}, model,
                   options.region_normals, options.num_threads, &features, &regions);
     report->num_labelled_regions = regions.num_regions;
-    report->dropped.merge(regions.dropped);
+    AddCounts(regions.dropped, &report->dropped);
+    LogInfo("Imported label maps of {} images ({} have none): {} regions, {} normals of planes",
+            regions.num_maps, regions.num_images_without, regions.num_regions, regions.num_normals);
     const std::string settings = TextOf("imported", options.region_normals);
     Database::Transaction transaction(database);
     for (const auto& [image_id, f] : features) {
@@ -326,18 +332,15 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& 
 
 LineMatchMap MatchLines(const DetectionOptions& options, const Reconstruction& model,
                         const ImageFeatureMap& features,
-                        const std::map<image_t, image_t>& database_id, Database* database,
+                        const std::map<image_t, image_t>& database_id,
+                        const std::map<image_t, ImportedSegments>& imported, Database* database,
                         DetectionReport* report) {
   const Timer timer;
   LineMatchMap matches;
   if (!options.imports.line_matches.empty()) {
     LineMatchImportReport import_report;
-    SegmentImportReport segment_report;
-    matches = ImportLineMatches(
-        options.imports.line_matches, model,
-        ImportSegments(options.imports.segments, model, options.segment_import, &segment_report),
-        &import_report);
-    report->dropped.merge(import_report.dropped);
+    matches = ImportLineMatches(options.imports.line_matches, model, imported, &import_report);
+    AddCounts(import_report.dropped, &report->dropped);
     report->matches_imported = true;
     report->num_pairs = import_report.num_pairs;
     report->num_line_matches = import_report.num_matches;
@@ -352,11 +355,18 @@ LineMatchMap MatchLines(const DetectionOptions& options, const Reconstruction& m
   }
 
   const auto shared = PairsWithSharedPoints(options, model);
-  const std::string text = TextOf("guided matching 1", options.matching);
+  const std::string text = TextOf("guided matching 2", options.matching);
   // The segments are the stored ones (new ones remove their matches).
-  const auto settings_of = [&](const std::vector<SharedPoint>& points, const Eigen::Matrix3d& F) {
-    return fmt::format("{} geometry={:016x} points={}", text, Hash(F.data(), 9 * sizeof(double)),
-                       points.size());
+  static_assert(sizeof(SharedPoint) == 4 * sizeof(double));
+  const auto camera_of = [&](image_t id) {
+    return ToString(model.cameras.at(model.images.at(id).camera_id));
+  };
+  const auto settings_of = [&](const ImagePair& pair, const std::vector<SharedPoint>& points,
+                               const Eigen::Matrix3d& F) {
+    return fmt::format("{} geometry={:016x} points={:016x} cameras={}, {}", text,
+                       Hash(F.data(), 9 * sizeof(double)),
+                       Hash(points.data(), points.size() * sizeof(SharedPoint)),
+                       camera_of(pair.first), camera_of(pair.second));
   };
   struct PairTask {
     ImagePair pair;
@@ -369,7 +379,7 @@ LineMatchMap MatchLines(const DetectionOptions& options, const Reconstruction& m
   for (const auto& [pair, points] : shared) {
     const Eigen::Matrix3d F =
         FundamentalMatrix(IdealView(model, pair.first), IdealView(model, pair.second));
-    std::string settings = settings_of(points, F);
+    std::string settings = settings_of(pair, points, F);
     auto stored = database->ReadLineMatches(database_id.at(pair.first), database_id.at(pair.second),
                                             settings);
     if (stored) {

@@ -60,16 +60,19 @@ struct DetectionReport {
   double detect_seconds = 0.0, match_seconds = 0.0;
 };
 
-// Features of every image of the model. `database_id`: Database::MatchImages.
+// Features of every image of the model. `database_id`: Database::MatchImages. `imported`: the
+// segments of other programs, where there are such.
 ImageFeatureMap DetectFeatures(const DetectionOptions& options,
                                const std::filesystem::path& image_path, const Reconstruction& model,
                                const std::map<image_t, image_t>& database_id, Database* database,
+                               std::map<image_t, ImportedSegments>* imported,
                                DetectionReport* report);
 
 // Matches of segments of pairs of images that share points.
 LineMatchMap MatchLines(const DetectionOptions& options, const Reconstruction& model,
                         const ImageFeatureMap& features,
-                        const std::map<image_t, image_t>& database_id, Database* database,
+                        const std::map<image_t, image_t>& database_id,
+                        const std::map<image_t, ImportedSegments>& imported, Database* database,
                         DetectionReport* report);
 
 }  // namespace holba

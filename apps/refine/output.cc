@@ -2,7 +2,9 @@
 #include "apps/refine/output.h"
 
 #include <algorithm>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "holba/base/temporary_paths.h"
@@ -18,11 +20,20 @@ namespace {
 
 constexpr int kTopViewPx = 1200;
 
-// Names of images may have folders; pictures lie side by side.
-std::string FlatStem(const std::string& image_name) {
-  std::string stem = fs::path(image_name).replace_extension().string();
-  std::replace(stem.begin(), stem.end(), '/', '_');
-  return stem;
+// For each image a name of its own: names of images may have folders, pictures lie side by side.
+std::vector<std::string> FlatStems(const Reconstruction& model) {
+  std::vector<std::string> stems;
+  std::map<std::string, size_t> uses;
+  for (const auto& [image_id, image] : model.images) {
+    std::string stem = fs::path(image.name).replace_extension().string();
+    std::replace(stem.begin(), stem.end(), '/', '_');
+    ++uses[stem];
+    stems.push_back(std::move(stem));
+  }
+  for (size_t i = 0; i < stems.size(); ++i) {
+    if (uses[stems[i]] > 1) stems[i] += "_" + std::to_string((model.images.begin() + i)->first);
+  }
+  return stems;
 }
 
 }  // namespace
@@ -41,14 +52,16 @@ void WritePictures(const Reconstruction& model, const fs::path& image_path, cons
   const TemporaryPath stage(folder / ".pictures.new");
   fs::remove_all(stage.path());
   fs::create_directories(stage.path());
+  const std::vector<std::string> stems = FlatStems(model);
   ParallelTasks(num_threads, count + 1, [&](size_t i) {
     if (i == count) {
       WriteImage(DrawTopView(model, kTopViewPx), stage.path() / "top_view.png");
       return;
     }
-    const auto& [image_id, image] = *(model.images.begin() + i * num_images / count);
+    const size_t image_idx = i * num_images / count;
+    const auto& [image_id, image] = *(model.images.begin() + image_idx);
     const ColourImage photograph = ReadColourImage(image_path / image.name);
-    const std::string stem = FlatStem(image.name);
+    const std::string& stem = stems[image_idx];
     WriteImage(DrawSegments(model, image_id, photograph), stage.path() / (stem + "_lines.jpg"));
     WriteImage(DrawGroups(model, image_id, photograph), stage.path() / (stem + "_groups.jpg"));
     WriteImage(DrawWireframe(model, image_id, photograph),

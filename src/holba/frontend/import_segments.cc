@@ -429,27 +429,4 @@ std::map<image_t, ImportedSegments> ImportSegments(const fs::path& path,
   return result;
 }
 
-void OrientByBrightness(const GreyImage& photograph, std::vector<LineSegment2d>* segments) {
-  // Just beside the blurred edge itself.
-  constexpr double kSideDistancePx = 2.0;
-  constexpr double kStepPx = 1.0;
-  const auto value = [&](const Eigen::Vector2d& x) {
-    const int column = std::clamp(static_cast<int>(std::floor(x.x())), 0, photograph.width - 1);
-    const int row = std::clamp(static_cast<int>(std::floor(x.y())), 0, photograph.height - 1);
-    return static_cast<int64_t>(
-        photograph.pixels[static_cast<size_t>(row) * photograph.width + column]);
-  };
-  for (LineSegment2d& segment : *segments) {
-    const Eigen::Vector2d normal = segment.Line().head<2>();
-    const int num_samples = std::max(1, static_cast<int>(segment.Length() / kStepPx));
-    int64_t difference = 0;  // positive side - negative side
-    for (int i = 0; i < num_samples; ++i) {
-      const Eigen::Vector2d x =
-          segment.start + (i + 0.5) / num_samples * (segment.end - segment.start);
-      difference += value(x + kSideDistancePx * normal) - value(x - kSideDistancePx * normal);
-    }
-    if (difference < 0) std::swap(segment.start, segment.end);
-  }
-}
-
 }  // namespace holba

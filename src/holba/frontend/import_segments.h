@@ -77,8 +77,4 @@ std::map<image_t, ImportedSegments> ImportSegments(const std::filesystem::path& 
                                                    const SegmentImportOptions& options,
                                                    SegmentImportReport* report);
 
-// Turns segments so that their brighter side is where Line() is positive (the contract of
-// ImageFeatures), as measured at both sides along each.
-void OrientByBrightness(const GreyImage& photograph, std::vector<LineSegment2d>* segments);
-
 }  // namespace holba

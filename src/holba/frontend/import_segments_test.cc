@@ -239,17 +239,5 @@ TEST(ImportSegments, PathsWithoutSegmentsAreRefused) {
               HasSubstr("there are no segments in it"));
 }
 
-TEST(OrientByBrightness, TheBrighterSideIsPositive) {
-  GreyImage image{20, 20, std::vector<uint8_t>(400, 50)};
-  for (int y = 0; y < 20; ++y) {
-    for (int x = 10; x < 20; ++x) image.pixels[static_cast<size_t>(20 * y + x)] = 200;
-  }
-  std::vector<LineSegment2d> segments = {{{10, 2}, {10, 18}}, {{10, 18}, {10, 2}}};
-  OrientByBrightness(image, &segments);
-  for (const LineSegment2d& s : segments) {
-    EXPECT_GT(s.Line().dot(Eigen::Vector3d(15, 10, 1)), 0.0);
-  }
-}
-
 }  // namespace
 }  // namespace holba

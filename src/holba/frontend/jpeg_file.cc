@@ -121,7 +121,8 @@ DecodedImage ReadJpeg(const std::filesystem::path& path, bool grey) {
   DecodedImage image;
   ErrorHandler handler;
   if (!Decode(file.get(), grey, &handler, &image))
-    throw InputError(path, std::string("the JPEG file cannot be decoded: ") + handler.message);
+    throw InputError(path, std::string("the JPEG file cannot be decoded: ") + handler.message +
+                               "; save it anew, in RGB or grey, under the same name");
   return image;
 }
 

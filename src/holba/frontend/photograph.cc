@@ -64,7 +64,9 @@ void WriteImage(const ColourImage& image, const std::filesystem::path& path) {
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return std::tolower(c); });
   const bool written = extension == ".png" ? WritePng(image, path) : WriteJpeg(image, path);
-  if (!written) throw InputError(path, "the picture cannot be written");
+  if (!written)
+    throw InputError(
+        path, "the picture cannot be written: is the disk full, or the folder write-protected?");
 }
 
 }  // namespace holba

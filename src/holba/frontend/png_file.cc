@@ -36,12 +36,12 @@ void Ignore(png_structp, png_const_charp) {}
 bool Decode(std::FILE* file, ErrorHandler* handler, DecodedImage* image) {
   png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, handler, Fail, Ignore);
   if (png == nullptr) return false;
-  png_infop info = nullptr;
-  if (setjmp(handler->back)) {
+  // Before setjmp: what changes after it is lost in the jump.
+  png_infop info = png_create_info_struct(png);
+  if (info == nullptr || setjmp(handler->back)) {
     png_destroy_read_struct(&png, &info, nullptr);
     return false;
   }
-  info = png_create_info_struct(png);
   png_init_io(png, file);
   png_read_info(png, info);
   png_set_expand(png);
@@ -70,12 +70,11 @@ bool Encode(const ColourImage& image, std::FILE* file) {
   ErrorHandler handler;
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &handler, Fail, Ignore);
   if (png == nullptr) return false;
-  png_infop info = nullptr;
-  if (setjmp(handler.back)) {
+  png_infop info = png_create_info_struct(png);
+  if (info == nullptr || setjmp(handler.back)) {
     png_destroy_write_struct(&png, &info);
     return false;
   }
-  info = png_create_info_struct(png);
   png_init_io(png, file);
   png_set_IHDR(png, info, static_cast<png_uint_32>(image.width),
                static_cast<png_uint_32>(image.height), 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
@@ -98,7 +97,8 @@ DecodedImage ReadPng(const std::filesystem::path& path, bool grey) {
   DecodedImage image;
   ErrorHandler handler;
   if (!Decode(file.get(), &handler, &image))
-    throw InputError(path, std::string("the PNG file cannot be decoded: ") + handler.message);
+    throw InputError(path, std::string("the PNG file cannot be decoded: ") + handler.message +
+                               "; save it anew under the same name");
   if (!grey) return image;
   DecodedImage brightness{image.width, image.height, {}};
   brightness.pixels.resize(image.pixels.size() / 3);

@@ -15,8 +15,6 @@ constexpr SegmentDetector kDetectors[] = {
 
 }  // namespace
 
-std::span<const SegmentDetector> AllSegmentDetectors() { return kDetectors; }
-
 const SegmentDetector& FindSegmentDetector(std::string_view name) {
   std::string known;
   for (const SegmentDetector& detector : kDetectors) {

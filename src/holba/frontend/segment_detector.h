@@ -34,7 +34,6 @@ struct SegmentDetector {
   std::vector<LineSegment2d> (*detect)(const SegmentOptions& options, const GreyImage& image);
 };
 
-std::span<const SegmentDetector> AllSegmentDetectors();
 // Throws InputError that names the option and the known ones.
 const SegmentDetector& FindSegmentDetector(std::string_view name);
 
