@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "apps/bench/table.h"
-#include "holba/estimation/vanishing_points.h"
+#include "holba/estimation/directions/vanishing_points.h"
 
 namespace holba {
 

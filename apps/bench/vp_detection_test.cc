@@ -12,9 +12,9 @@
 
 #include "holba/base/data_testing.h"
 #include "holba/base/error.h"
-#include "holba/estimation/relations.h"
-#include "holba/estimation/vp_lines.h"
-#include "holba/estimation/vp_tracks.h"
+#include "holba/estimation/groups/relations.h"
+#include "holba/estimation/directions/vp_lines.h"
+#include "holba/estimation/directions/vp_tracks.h"
 #include "holba/io/model_io.h"
 #include "holba/scene/ideal_view.h"
 

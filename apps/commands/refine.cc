@@ -16,7 +16,7 @@
 #include "holba/base/log.h"
 #include "holba/base/timer.h"
 #include "holba/bundle/uncertainty.h"
-#include "holba/estimation/line_leave_one_out.h"
+#include "holba/estimation/lines/line_leave_one_out.h"
 #include "holba/io/database.h"
 #include "holba/io/model_io.h"
 #include "holba/io/uncertainty_file.h"

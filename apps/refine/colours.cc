@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "holba/base/threads.h"
-#include "holba/frontend/photograph.h"
+#include "holba/frontend/photographs/photograph.h"
 
 namespace holba {
 namespace {

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "holba/frontend/photograph.h"
+#include "holba/frontend/photographs/photograph.h"
 
 namespace holba {
 namespace {

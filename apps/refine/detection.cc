@@ -12,9 +12,9 @@
 #include "holba/base/log.h"
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
-#include "holba/frontend/import_line_matches.h"
-#include "holba/frontend/import_regions.h"
-#include "holba/frontend/photograph.h"
+#include "holba/frontend/importers/import_line_matches.h"
+#include "holba/frontend/importers/import_regions.h"
+#include "holba/frontend/photographs/photograph.h"
 #include "holba/io/files.h"
 #include "holba/scene/ideal_view.h"
 

@@ -7,12 +7,12 @@
 #include <map>
 #include <string>
 
-#include "holba/estimation/vanishing_points.h"
-#include "holba/frontend/feature_extractor.h"
-#include "holba/frontend/import_dense_maps.h"
-#include "holba/frontend/import_segments.h"
-#include "holba/frontend/label_maps.h"
-#include "holba/frontend/line_matching.h"
+#include "holba/estimation/directions/vanishing_points.h"
+#include "holba/frontend/detectors/feature_extractor.h"
+#include "holba/frontend/importers/import_dense_maps.h"
+#include "holba/frontend/importers/import_segments.h"
+#include "holba/frontend/matching/label_maps.h"
+#include "holba/frontend/matching/line_matching.h"
 #include "holba/io/database.h"
 #include "holba/scene/image_features.h"
 #include "holba/scene/reconstruction.h"

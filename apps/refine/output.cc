@@ -9,8 +9,8 @@
 
 #include "holba/base/temporary_paths.h"
 #include "holba/base/threads.h"
-#include "holba/frontend/photograph.h"
-#include "holba/frontend/pictures.h"
+#include "holba/frontend/photographs/photograph.h"
+#include "holba/frontend/drawing/pictures.h"
 #include "holba/io/files.h"
 #include "holba/io/ply.h"
 

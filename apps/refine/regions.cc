@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "holba/frontend/import_correspondences.h"
+#include "holba/frontend/importers/import_correspondences.h"
 
 namespace holba {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "apps/refine/detection.h"
-#include "holba/frontend/label_maps.h"
-#include "holba/frontend/region_matching.h"
+#include "holba/frontend/matching/label_maps.h"
+#include "holba/frontend/matching/region_matching.h"
 #include "holba/sfm/structure.h"
 
 namespace holba {

@@ -9,7 +9,7 @@
 
 #include "apps/refine/detection.h"
 #include "apps/refine/regions.h"
-#include "holba/estimation/line_leave_one_out.h"
+#include "holba/estimation/lines/line_leave_one_out.h"
 #include "holba/sfm/refine.h"
 
 namespace holba {

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "holba/base/random.h"
-#include "holba/estimation/line_testing.h"
-#include "holba/estimation/vanishing_points.h"
+#include "holba/estimation/lines/line_testing.h"
+#include "holba/estimation/directions/vanishing_points.h"
 
 namespace holba {
 

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "holba/base/threads.h"
-#include "holba/estimation/line_uncertainty.h"
-#include "holba/estimation/point_uncertainty.h"
+#include "holba/estimation/lines/line_uncertainty.h"
+#include "holba/estimation/points/point_uncertainty.h"
 
 namespace holba {
 namespace {

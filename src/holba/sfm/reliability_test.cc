@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "holba/base/random.h"
-#include "holba/estimation/wireframe_testing.h"
+#include "holba/estimation/points/wireframe_testing.h"
 
 namespace holba {
 namespace {

@@ -9,17 +9,17 @@
 #include <string>
 #include <vector>
 
-#include "holba/estimation/corner_tracks.h"
-#include "holba/estimation/group_filter.h"
-#include "holba/estimation/group_forming.h"
-#include "holba/estimation/junctions.h"
-#include "holba/estimation/lines_from_segments.h"
-#include "holba/estimation/plane_detection.h"
-#include "holba/estimation/plane_members.h"
-#include "holba/estimation/relations.h"
-#include "holba/estimation/vp_lines.h"
-#include "holba/estimation/vp_tracks.h"
-#include "holba/estimation/wireframe.h"
+#include "holba/estimation/wireframe/corner_tracks.h"
+#include "holba/estimation/groups/group_filter.h"
+#include "holba/estimation/groups/group_forming.h"
+#include "holba/estimation/wireframe/junctions.h"
+#include "holba/estimation/lines/lines_from_segments.h"
+#include "holba/estimation/groups/plane_detection.h"
+#include "holba/estimation/groups/plane_members.h"
+#include "holba/estimation/groups/relations.h"
+#include "holba/estimation/directions/vp_lines.h"
+#include "holba/estimation/directions/vp_tracks.h"
+#include "holba/estimation/wireframe/wireframe.h"
 #include "holba/scene/image_features.h"
 #include "holba/scene/reconstruction.h"
 

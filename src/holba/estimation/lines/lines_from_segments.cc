@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/estimation/lines/lines_from_segments.h"
+
+#include <algorithm>
+
+#include "holba/base/timer.h"
+#include "holba/estimation/lines/line_scene.h"
+#include "holba/estimation/lines/line_tracks.h"
+
+namespace holba {
+namespace {
+
+void SetSegments(const ImageFeatureMap& features, Reconstruction* model) {
+  for (auto& [image_id, image] : model->images) {
+    image.lines2D.clear();
+    const auto found = features.find(image_id);
+    if (found == features.end()) continue;
+    for (const LineSegment2d& segment : found->second.segments)
+      image.lines2D.push_back({segment, kNoId});
+  }
+  model->lines3D = {};
+  model->wireframe.clear();
+  for (auto& [id, group] : model->groups3D) group.line3D_ids.clear();
+}
+
+}  // namespace
+
+LineReport BuildLines(const LineOptions& options, const ImageFeatureMap& features,
+                      const LineMatchMap* matches, int num_threads, Reconstruction* model) {
+  LineReport report;
+  const Timer candidates_timer;
+  SetSegments(features, model);
+  const LineScene scene = MakeLineScene(options, *model, features, num_threads, &report.dropped);
+  for (const auto& [image_id, image] : model->images) report.num_segments += image.lines2D.size();
+  for (const SceneView& view : scene.views) {
+    report.num_usable_segments += view.segments.size();
+    report.mean_neighbours += static_cast<double>(view.neighbours.size()) / scene.views.size();
+  }
+  NodeCounts node_counts;
+  const std::vector<std::vector<SegmentNode>> nodes =
+      PlaceSegments(options, scene, matches, num_threads, &node_counts);
+  report.num_candidates = node_counts.candidates;
+  report.proposals = node_counts.proposals;
+  report.best_proposals = node_counts.best;
+  for (size_t placed : node_counts.best) report.num_placed_segments += placed;
+  for (const auto& [reason, count] : node_counts.dropped) report.dropped[reason] += count;
+  report.seconds_candidates = candidates_timer.Seconds();
+
+  const Timer tracks_timer;
+  TrackCounts track_counts;
+  std::vector<LineTrack> tracks = JoinSegments(options, scene, nodes, &track_counts);
+  report.num_tracks = tracks.size();
+  RefineTracks(options, scene, num_threads, &tracks, &track_counts);
+  report.num_merged = track_counts.merged;
+  report.num_claimed = track_counts.claimed;
+  report.num_held_to_direction = track_counts.held_to_direction;
+  report.num_held_to_plane = track_counts.held_to_plane;
+  for (const auto& [reason, count] : track_counts.dropped) report.dropped[reason] += count;
+
+  std::vector<double> errors_px;
+  line3D_t next_id = 1;
+  for (const LineTrack& track : tracks) {
+    const line3D_t id = next_id++;
+    Line3D line;
+    line.line = track.line.Pluecker();
+    line.start = track.Start();
+    line.end = track.End();
+    std::vector<LineSupport> supports;
+    for (const SegmentKey& key : track.members) {
+      const SceneView& view = scene.views[key.view];
+      const line2D_t idx = view.segments[key.segment].line2D_idx;
+      line.track.push_back({view.image_id, idx});
+      model->images.at(view.image_id).lines2D[idx].line3D_id = id;
+      supports.push_back(view.supports[key.segment]);
+    }
+    line.error = track.rms_px;
+    errors_px.push_back(track.rms_px);
+    const auto uncertainty = UncertaintyOfFit(supports, LinePrior(), options.sigma_px, track.line,
+                                              track.t_start, track.t_end);
+    const bool reliable = uncertainty && uncertainty->RelativeSigma() < options.max_relative_sigma;
+    const bool four = NumImages(track.members) >= 4;
+    ++report.num_lines;
+    report.num_lines_with_4_images += four;
+    report.num_reliable += reliable;
+    report.num_reliable_with_4_images += reliable && four;
+    report.num_observations += track.members.size();
+    if (track.direction >= 0) report.vp_of_line[id] = scene.direction_ids[track.direction];
+    if (track.plane >= 0) report.plane_of_line[id] = scene.planes[track.plane].id;
+    model->lines3D.Add(id, std::move(line));
+  }
+  if (!errors_px.empty()) {
+    const size_t middle = errors_px.size() / 2;
+    std::nth_element(errors_px.begin(), errors_px.begin() + middle, errors_px.end());
+    report.median_error_px = errors_px[middle];
+  }
+  report.seconds_tracks = tracks_timer.Seconds();
+  return report;
+}
+
+}  // namespace holba

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Corners: points on the junctions of edges, which blob detectors leave out. Shi and Tomasi (Good
+// features to track, 1994), moved to where the gradients around them meet, with SIFT descriptors of
+// one size.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "holba/base/options.h"
+#include "holba/frontend/photographs/photograph.h"
+
+namespace holba {
+
+struct CornerOptions {
+  int max_num_corners = 2500;  // the strongest; 0: none are looked for
+  double quality = 0.002;      // smallest eigenvalue, as a share of the strongest corner's
+  double min_distance_px = 4.0;
+
+  void Describe(OptionTable* table);
+};
+
+struct Corners {
+  std::vector<Eigen::Vector2d> positions;  // pixels, centre of the first one at 0.5
+  std::vector<uint8_t> descriptors;        // kCornerDescriptorSize for each; upright
+};
+
+Corners DetectCorners(const CornerOptions& options, const GreyImage& image);
+
+}  // namespace holba

@@ -1,0 +1,541 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/frontend/drawing/pictures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <unordered_map>
+#include <unordered_set>
+#include <utility>
+#include <vector>
+
+#include "holba/base/check.h"
+
+namespace holba {
+namespace {
+
+// Told apart also beside each other and on grey.
+constexpr Rgb kPalette[] = {{222, 40, 48},  {30, 110, 220}, {26, 160, 70},  {245, 140, 20},
+                            {150, 50, 190}, {0, 175, 190},  {225, 60, 170}, {150, 105, 30},
+                            {115, 190, 20}, {60, 60, 150},  {240, 195, 0},  {240, 120, 120}};
+constexpr size_t kPaletteSize = std::size(kPalette);
+constexpr Rgb kGrey = {100, 100, 100}, kBlack = {30, 30, 30}, kWhite = {255, 255, 255},
+              kPale = {215, 215, 215};
+constexpr double kSegmentWidth = 1.8, kFaintWidth = 0.6, kFaintOpacity = 0.5;
+
+// A vertical direction among the vanishing points is within this of the cameras' mean down axis.
+constexpr double kMaxVerticalAngleDeg = 30.0;
+// Planes steeper than 70 degrees have a trace when seen from above.
+constexpr double kMaxVerticalPlaneCosine = 0.34;
+// Longest edge of a plane's region in units of the median of its triangles' shortest edges, and
+// bounds of it as parts of the picture's diagonal.
+constexpr double kMaxRegionEdge = 5.0, kMinRegionEdgePart = 0.045, kMaxRegionEdgePart = 0.09;
+constexpr double kRegionOpacity = 0.45;
+constexpr int kShift = 4;  // positions in sixteenths of a pixel
+
+cv::Scalar ToScalar(const Rgb& rgb) { return {double(rgb[0]), double(rgb[1]), double(rgb[2])}; }
+
+Rgb PaletteColour(size_t index) {
+  // Later rounds are darker.
+  const double scale = std::max(0.4, 1.0 - 0.25 * static_cast<double>(index / kPaletteSize));
+  Rgb colour = kPalette[index % kPaletteSize];
+  for (uint8_t& channel : colour) channel = static_cast<uint8_t>(std::lround(scale * channel));
+  return colour;
+}
+
+bool IsVp(const Group3D& group) { return group.type->IsParallelism(); }
+
+std::map<group3D_t, Rgb> AllColours(const Reconstruction& model) {
+  std::map<group3D_t, Rgb> colours;
+  size_t num_vps = 0, num_others = 0;
+  for (const auto& [id, group] : model.groups3D) {
+    colours[id] = PaletteColour(IsVp(group) ? num_vps++ : num_others++);
+  }
+  return colours;
+}
+
+// Colours of the lines that belong to a vanishing point.
+std::unordered_map<line3D_t, Rgb> LineColours(const Reconstruction& model) {
+  std::unordered_map<line3D_t, Rgb> colours;
+  const auto group_colours = AllColours(model);
+  for (const auto& [id, group] : model.groups3D) {
+    if (!IsVp(group)) continue;
+    for (const line3D_t line3D_id : group.line3D_ids)
+      colours.emplace(line3D_id, group_colours.at(id));
+  }
+  return colours;
+}
+
+Rgb ColourOr(const std::unordered_map<line3D_t, Rgb>& colours, line3D_t id, const Rgb& other) {
+  const auto found = colours.find(id);
+  return found == colours.end() ? other : found->second;
+}
+
+// A picture that is drawn on, with antialiasing, in units of its pixels (COLMAP's: the centre of
+// the first is 0.5). Kept at a multiple of its size, so that thin lines and small dots are smooth;
+// where nothing is drawn a photograph stays exactly as it is.
+class Canvas {
+ public:
+  Canvas(int width, int height)
+      : width_(width),
+        height_(height),
+        pixels_(kFineness * height, kFineness * width, CV_8UC3, cv::Scalar(255, 255, 255)) {}
+  explicit Canvas(const ColourImage& photograph) : Canvas(photograph.width, photograph.height) {
+    cv::Mat pale(height_, width_, CV_8UC3);
+    for (size_t i = 0; i + 2 < photograph.pixels.size(); i += 3) {
+      const uint8_t* rgb = &photograph.pixels[i];
+      const int grey = (299 * rgb[0] + 587 * rgb[1] + 114 * rgb[2]) / 1000;
+      for (int k = 0; k < 3; ++k) {
+        // Half as colourful, two thirds as dark.
+        pale.data[i + k] = static_cast<uint8_t>(255 - (255 - (grey + rgb[k]) / 2) * 2 / 3);
+      }
+    }
+    if (!pale.empty()) cv::resize(pale, pixels_, pixels_.size(), 0, 0, cv::INTER_NEAREST);
+  }
+
+  double Diagonal() const { return std::hypot(width_, height_); }
+  // Not so far outside that it cannot be meant.
+  bool IsNear(const Eigen::Vector2d& p) const {
+    return p.allFinite() && p.cwiseAbs().maxCoeff() < 2.0 * Diagonal();
+  }
+
+  // Widths and radii are those on a picture of 1000 pixels' diagonal.
+  void Line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Rgb& colour, double width) {
+    if (!Drawable(a) || !Drawable(b)) return;
+    cv::line(pixels_, ToPoint(a), ToPoint(b), ToScalar(colour), Width(width), cv::LINE_AA, kShift);
+  }
+  void Dot(const Eigen::Vector2d& centre, const Rgb& colour, double radius) {
+    if (!Drawable(centre)) return;
+    cv::circle(pixels_, ToPoint(centre), Radius(radius), ToScalar(colour), cv::FILLED, cv::LINE_AA,
+               kShift);
+  }
+  void Ring(const Eigen::Vector2d& centre, const Rgb& colour, double radius, double width) {
+    if (!Drawable(centre)) return;
+    cv::circle(pixels_, ToPoint(centre), Radius(radius), ToScalar(colour), Width(width),
+               cv::LINE_AA, kShift);
+  }
+  void Fill(const std::vector<Eigen::Vector2d>& polygon, const Rgb& colour) {
+    std::vector<cv::Point> points;
+    for (const Eigen::Vector2d& corner : polygon) {
+      if (!Drawable(corner)) return;
+      points.push_back(ToPoint(corner));
+    }
+    cv::fillConvexPoly(pixels_, points, ToScalar(colour), cv::LINE_AA, kShift);
+  }
+  // What `draw` draws shows by `opacity`.
+  template <typename Draw>
+  void Translucent(double opacity, Draw draw) {
+    const cv::Mat before = pixels_.clone();
+    draw();
+    cv::addWeighted(pixels_, opacity, before, 1.0 - opacity, 0.0, pixels_);
+  }
+
+  ColourImage ToImage() const {
+    if (pixels_.empty()) return {width_, height_, {}};
+    cv::Mat small;
+    cv::resize(pixels_, small, cv::Size(width_, height_), 0, 0, cv::INTER_AREA);
+    return {width_, height_, std::vector<uint8_t>(small.data, small.data + small.total() * 3)};
+  }
+
+ private:
+  static constexpr int kFineness = 2;
+
+  // Far outside, where fixed-point positions would overflow, there is nothing to see.
+  bool Drawable(const Eigen::Vector2d& p) const {
+    return p.allFinite() && p.cwiseAbs().maxCoeff() < 20.0 * Diagonal() + 1000.0;
+  }
+  int Width(double width) const {
+    return std::max(1, static_cast<int>(std::lround(kFineness * width * Diagonal() / 1000.0)));
+  }
+  int Radius(double radius) const {
+    const double pixels = std::max(kFineness * radius * Diagonal() / 1000.0, 1.0);
+    return static_cast<int>(std::lround(pixels * (1 << kShift)));
+  }
+  static cv::Point ToPoint(const Eigen::Vector2d& p) {
+    return {static_cast<int>(std::lround((kFineness * p.x() - 0.5) * (1 << kShift))),
+            static_cast<int>(std::lround((kFineness * p.y() - 0.5) * (1 << kShift)))};
+  }
+
+  int width_, height_;
+  cv::Mat pixels_;
+};
+
+// From pixels of the camera to those of the photograph.
+Eigen::Vector2d PhotographScale(const Reconstruction& model, const Image& image,
+                                const ColourImage& photograph) {
+  const Camera& camera = model.cameras.at(image.camera_id);
+  HOLBA_CHECK(photograph.pixels.size() == size_t{3} * photograph.width * photograph.height);
+  if (camera.width == 0 || camera.height == 0) return {1.0, 1.0};
+  return {photograph.width / static_cast<double>(camera.width),
+          photograph.height / static_cast<double>(camera.height)};
+}
+
+double Percentile(std::vector<double> values, double part) {
+  const auto nth = values.begin() + std::lround(part * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), nth, values.end());
+  return *nth;
+}
+
+using Triangle = std::array<Eigen::Vector2d, 3>;
+
+// Delaunay triangles without the long ones.
+std::vector<Triangle> RegionTriangles(const std::vector<Eigen::Vector2d>& points, double diagonal) {
+  std::vector<Triangle> triangles;
+  if (points.size() < 3) return triangles;
+  Eigen::Vector2d low = points[0], high = points[0];
+  for (const Eigen::Vector2d& p : points) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  const cv::Point corner(cvFloor(low.x()) - 2, cvFloor(low.y()) - 2);
+  const cv::Rect bounds(corner, cv::Point(cvCeil(high.x()) + 3, cvCeil(high.y()) + 3));
+  cv::Subdiv2D subdivision(bounds);
+  for (const Eigen::Vector2d& p : points) {
+    subdivision.insert(cv::Point2f(static_cast<float>(p.x()), static_cast<float>(p.y())));
+  }
+  std::vector<cv::Vec6f> all;
+  subdivision.getTriangleList(all);
+  std::vector<double> shortest_edges, longest_edges;
+  for (const cv::Vec6f& t : all) {
+    const Triangle triangle = {Eigen::Vector2d(t[0], t[1]), Eigen::Vector2d(t[2], t[3]),
+                               Eigen::Vector2d(t[4], t[5])};
+    double shortest = INFINITY, longest = 0.0;
+    bool inside = true;
+    for (int k = 0; k < 3; ++k) {
+      const double length = (triangle[k] - triangle[(k + 1) % 3]).norm();
+      shortest = std::min(shortest, length);
+      longest = std::max(longest, length);
+      // The subdivision's own outer corners lie outside.
+      inside =
+          inside && bounds.contains(cv::Point(cvFloor(triangle[k].x()), cvFloor(triangle[k].y())));
+    }
+    if (!inside) continue;
+    triangles.push_back(triangle);
+    shortest_edges.push_back(shortest);
+    longest_edges.push_back(longest);
+  }
+  if (triangles.empty()) return triangles;
+  const double max_edge = std::clamp(kMaxRegionEdge * Percentile(shortest_edges, 0.5),
+                                     kMinRegionEdgePart * diagonal, kMaxRegionEdgePart * diagonal);
+  std::vector<Triangle> short_ones;
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    if (longest_edges[i] <= max_edge) short_ones.push_back(triangles[i]);
+  }
+  return short_ones;
+}
+
+void DrawOutline(const Reconstruction& model, const Image& image, const Group3D& group,
+                 const Eigen::Vector2d& scale, const Rgb& colour, Canvas* canvas) {
+  std::vector<Eigen::Vector3d> members;
+  for (const point3D_t id : group.point3D_ids) members.push_back(model.points3D.at(id).xyz);
+  for (const line3D_t id : group.line3D_ids) {
+    members.push_back(model.lines3D.at(id).start);
+    members.push_back(model.lines3D.at(id).end);
+  }
+  double g[kMaxGroupParams];
+  if (!group.type->from_file(group.params.data(), g)) return;
+  const GroupMesh mesh = group.type->mesh(g, members);
+  const Camera& camera = model.cameras.at(image.camera_id);
+  std::vector<Eigen::Vector3d> in_cam;
+  for (const Eigen::Vector3d& vertex : mesh.vertices)
+    in_cam.push_back(image.cam_from_world * vertex);
+  // An edge is seen as outline between a triangle that faces the camera and one that does not.
+  std::map<std::pair<uint32_t, uint32_t>, std::vector<bool>> facing_of_edge;
+  for (const auto& triangle : mesh.triangles) {
+    const Eigen::Vector3d &a = in_cam[triangle[0]], &b = in_cam[triangle[1]],
+                          &c = in_cam[triangle[2]];
+    const bool facing = (b - a).cross(c - a).dot(a) < 0.0;
+    for (int k = 0; k < 3; ++k) {
+      facing_of_edge[std::minmax(triangle[k], triangle[(k + 1) % 3])].push_back(facing);
+    }
+  }
+  for (const auto& [edge, facing] : facing_of_edge) {
+    if (facing.size() == 2 && facing[0] == facing[1]) continue;
+    Eigen::Vector2d a, b;
+    if (!camera.model->project(camera.params.data(), in_cam[edge.first], &a) ||
+        !camera.model->project(camera.params.data(), in_cam[edge.second], &b)) {
+      continue;
+    }
+    canvas->Line(a.cwiseProduct(scale), b.cwiseProduct(scale), colour, 2.0);
+  }
+}
+
+// Right and down on the paper for one who looks down.
+struct Paper {
+  Eigen::Vector3d right, below;
+  Eigen::Vector2d operator()(const Eigen::Vector3d& X) const {
+    return {right.dot(X), below.dot(X)};
+  }
+};
+
+// The horizontal vanishing point of most lines runs across the paper.
+Paper PaperOfTopView(const Reconstruction& model, const Eigen::Vector3d& down) {
+  Eigen::Vector3d right = down.unitOrthogonal();
+  size_t most = 0;
+  for (const auto& [id, group] : model.groups3D) {
+    if (!IsVp(group) || group.line3D_ids.size() <= most) continue;
+    double g[kMaxGroupParams];
+    if (!group.type->from_file(group.params.data(), g)) continue;
+    Eigen::Vector3d direction;
+    group.type->direction(g, &direction, nullptr);
+    const Eigen::Vector3d level = direction - down * down.dot(direction);
+    if (level.norm() < std::sin(60.0 * std::numbers::pi / 180.0)) continue;
+    most = group.line3D_ids.size();
+    right = level.normalized();
+  }
+  return {right, down.cross(right)};
+}
+
+}  // namespace
+
+Rgb GroupColour(const Reconstruction& model, group3D_t group3D_id) {
+  return AllColours(model).at(group3D_id);
+}
+
+ColourImage DrawSegments(const Reconstruction& model, image_t image_id,
+                         const ColourImage& photograph) {
+  const Image& image = model.images.at(image_id);
+  const Eigen::Vector2d scale = PhotographScale(model, image, photograph);
+  const auto colours = LineColours(model);
+  Canvas canvas(photograph);
+  const auto draw = [&](const Line2D& line, const Rgb& colour, double width) {
+    canvas.Line(line.segment.start.cwiseProduct(scale), line.segment.end.cwiseProduct(scale),
+                colour, width);
+  };
+  canvas.Translucent(kFaintOpacity, [&] {
+    for (const Line2D& line : image.lines2D) {
+      if (line.line3D_id == kNoId) draw(line, kBlack, kFaintWidth);
+    }
+  });
+  // Grey ones do not cover coloured ones.
+  for (const bool has_vp : {false, true}) {
+    for (const Line2D& line : image.lines2D) {
+      if (line.line3D_id == kNoId || colours.contains(line.line3D_id) != has_vp) continue;
+      draw(line, ColourOr(colours, line.line3D_id, kGrey), kSegmentWidth);
+    }
+  }
+  return canvas.ToImage();
+}
+
+ColourImage DrawGroups(const Reconstruction& model, image_t image_id,
+                       const ColourImage& photograph) {
+  const Image& image = model.images.at(image_id);
+  const Eigen::Vector2d scale = PhotographScale(model, image, photograph);
+  const auto colours = AllColours(model);
+  std::unordered_map<point3D_t, std::vector<Eigen::Vector2d>> seen_points;
+  for (const Point2D& point : image.points2D) {
+    if (point.point3D_id != kNoId)
+      seen_points[point.point3D_id].push_back(point.xy.cwiseProduct(scale));
+  }
+  std::unordered_map<line3D_t, std::vector<LineSegment2d>> seen_lines;
+  for (const Line2D& line : image.lines2D) {
+    if (line.line3D_id == kNoId) continue;
+    seen_lines[line.line3D_id].push_back(
+        {line.segment.start.cwiseProduct(scale), line.segment.end.cwiseProduct(scale)});
+  }
+  Canvas canvas(photograph);
+  struct Seen {
+    const Group3D* group;
+    Rgb colour;
+    std::vector<Eigen::Vector2d> points;  // of which regions are made
+    size_t num_dots;                      // the first of them
+  };
+  std::vector<Seen> all_seen;
+  for (const auto& [id, group] : model.groups3D) {
+    if (IsVp(group)) continue;
+    Seen seen{&group, colours.at(id), {}, 0};
+    const auto add = [&](const Eigen::Vector2d& point) {
+      if (canvas.IsNear(point)) seen.points.push_back(point);
+    };
+    for (const point3D_t point3D_id : group.point3D_ids) {
+      const auto found = seen_points.find(point3D_id);
+      if (found == seen_points.end()) continue;
+      for (const Eigen::Vector2d& point : found->second) add(point);
+    }
+    seen.num_dots = seen.points.size();
+    for (const line3D_t line3D_id : group.line3D_ids) {
+      const auto found = seen_lines.find(line3D_id);
+      if (found == seen_lines.end()) continue;
+      for (const LineSegment2d& segment : found->second) {
+        // Not only the ends: a region must not break along a long segment.
+        const int num =
+            1 + static_cast<int>(std::min(segment.Length() / (0.02 * canvas.Diagonal()), 100.0));
+        for (int i = 0; i <= num; ++i) {
+          add(segment.start + (segment.end - segment.start) * i / num);
+        }
+      }
+    }
+    if (!seen.points.empty()) all_seen.push_back(std::move(seen));
+  }
+  const auto is_plane = [](const Group3D& group) { return group.type->name == "PLANE"; };
+  canvas.Translucent(kRegionOpacity, [&] {
+    for (const Seen& seen : all_seen) {
+      if (!is_plane(*seen.group)) continue;
+      for (const Triangle& triangle : RegionTriangles(seen.points, canvas.Diagonal())) {
+        canvas.Fill({triangle[0], triangle[1], triangle[2]}, seen.colour);
+      }
+    }
+  });
+  for (const Seen& seen : all_seen) {
+    for (size_t i = 0; i < seen.num_dots; ++i) canvas.Dot(seen.points[i], seen.colour, 1.7);
+    if (!is_plane(*seen.group)) {
+      DrawOutline(model, image, *seen.group, scale, seen.colour, &canvas);
+    }
+  }
+  return canvas.ToImage();
+}
+
+ColourImage DrawWireframe(const Reconstruction& model, image_t image_id,
+                          const ColourImage& photograph) {
+  const Image& image = model.images.at(image_id);
+  const Eigen::Vector2d scale = PhotographScale(model, image, photograph);
+  const auto colours = LineColours(model);
+  std::unordered_map<point3D_t, std::unordered_set<line3D_t>> lines_of_point;
+  std::unordered_set<line3D_t> joined;
+  for (const WireframeEdge& edge : model.wireframe) {
+    lines_of_point[edge.point3D_id].insert(edge.line3D_id);
+    joined.insert(edge.line3D_id);
+  }
+  Canvas canvas(photograph);
+  const auto draw = [&](const Line2D& line, const Rgb& colour, double width) {
+    canvas.Line(line.segment.start.cwiseProduct(scale), line.segment.end.cwiseProduct(scale),
+                colour, width);
+  };
+  canvas.Translucent(kFaintOpacity, [&] {
+    for (const Line2D& line : image.lines2D) {
+      if (!joined.contains(line.line3D_id)) draw(line, kBlack, kFaintWidth);
+    }
+  });
+  for (const Line2D& line : image.lines2D) {
+    if (!joined.contains(line.line3D_id)) continue;
+    draw(line, ColourOr(colours, line.line3D_id, kGrey), kSegmentWidth);
+  }
+  for (const Point2D& point : image.points2D) {
+    const auto lines = lines_of_point.find(point.point3D_id);
+    if (point.point3D_id == kNoId || lines == lines_of_point.end()) continue;
+    const Eigen::Vector2d at = point.xy.cwiseProduct(scale);
+    for (const Line2D& line : image.lines2D) {
+      if (!lines->second.contains(line.line3D_id)) continue;
+      // From the junction to where its segment begins.
+      const Eigen::Vector2d a = line.segment.start.cwiseProduct(scale),
+                            b = line.segment.end.cwiseProduct(scale);
+      canvas.Line(at, (a - at).norm() < (b - at).norm() ? a : b,
+                  ColourOr(colours, line.line3D_id, kGrey), 0.9);
+    }
+    canvas.Dot(at, kWhite, 4.0);
+    canvas.Ring(at, kBlack, 4.0, 1.2);
+  }
+  return canvas.ToImage();
+}
+
+Eigen::Vector3d EstimateDown(const Reconstruction& model) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const auto& [id, image] : model.images) {
+    mean += image.cam_from_world.rotation.normalized().conjugate() * Eigen::Vector3d::UnitY();
+  }
+  if (mean.norm() < 1e-9) return Eigen::Vector3d::UnitY();
+  mean.normalize();
+  Eigen::Vector3d down = mean;
+  double best = std::cos(kMaxVerticalAngleDeg * std::numbers::pi / 180.0);
+  for (const auto& [id, group] : model.groups3D) {
+    double g[kMaxGroupParams];
+    if (!IsVp(group) || !group.type->from_file(group.params.data(), g)) continue;
+    Eigen::Vector3d direction;
+    group.type->direction(g, &direction, nullptr);
+    const double along = direction.dot(mean);
+    if (std::abs(along) <= best) continue;
+    best = std::abs(along);
+    down = along > 0.0 ? direction : Eigen::Vector3d(-direction);
+  }
+  return down.normalized();
+}
+
+ColourImage DrawTopView(const Reconstruction& model, int size_px) {
+  HOLBA_CHECK(size_px > 0);
+  Canvas canvas(size_px, size_px);
+  const Eigen::Vector3d down = EstimateDown(model);
+  const Paper paper = PaperOfTopView(model, down);
+
+  std::array<std::vector<double>, 2> coordinates;
+  const auto add = [&](const Eigen::Vector3d& X) {
+    const Eigen::Vector2d p = paper(X);
+    for (int k = 0; k < 2; ++k) coordinates[k].push_back(p[k]);
+  };
+  for (const auto& [id, line] : model.lines3D) {
+    add(line.start);
+    add(line.end);
+  }
+  if (coordinates[0].empty()) {
+    for (const auto& [id, point] : model.points3D) add(point.xyz);
+  }
+  Eigen::Vector2d low = Eigen::Vector2d::Constant(INFINITY), high = -low;
+  if (!coordinates[0].empty()) {
+    for (int k = 0; k < 2; ++k) {
+      low[k] = Percentile(coordinates[k], 0.02);
+      high[k] = Percentile(coordinates[k], 0.98);
+    }
+  }
+  for (const auto& [id, image] : model.images) {
+    const Eigen::Vector2d centre = paper(image.cam_from_world.OriginInA());
+    low = low.cwiseMin(centre);
+    high = high.cwiseMax(centre);
+  }
+  if (!low.allFinite()) return canvas.ToImage();
+  const double extent = std::max((high - low).maxCoeff(), 1e-12);
+  const double scale = 0.9 * size_px / extent;  // a margin of a twentieth on each side
+  const Eigen::Vector2d middle = 0.5 * (low + high);
+  const auto at = [&](const Eigen::Vector3d& X) {
+    return Eigen::Vector2d((paper(X) - middle) * scale + Eigen::Vector2d::Constant(0.5 * size_px));
+  };
+
+  for (const auto& [id, point] : model.points3D) canvas.Dot(at(point.xyz), kPale, 0.7);
+
+  const auto group_colours = AllColours(model);
+  canvas.Translucent(0.5, [&] {
+    for (const auto& [id, group] : model.groups3D) {
+      if (group.type->name != "PLANE" || group.point3D_ids.empty()) continue;
+      const Eigen::Vector3d normal = Eigen::Vector3d(group.params.data()).normalized();
+      if (std::abs(normal.dot(down)) > kMaxVerticalPlaneCosine) continue;  // it has no trace
+      const Eigen::Vector2d along =
+          Eigen::Vector2d(-normal.dot(paper.below), normal.dot(paper.right)).normalized();
+      std::vector<double> positions;
+      Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+      for (const point3D_t point3D_id : group.point3D_ids) {
+        const Eigen::Vector2d p = at(model.points3D.at(point3D_id).xyz);
+        positions.push_back(along.dot(p));
+        mean += p / static_cast<double>(group.point3D_ids.size());
+      }
+      const Eigen::Vector2d foot = mean - along * along.dot(mean);
+      canvas.Line(foot + along * Percentile(positions, 0.02),
+                  foot + along * Percentile(positions, 0.98), group_colours.at(id), 11.0);
+    }
+  });
+
+  const auto colours = LineColours(model);
+  for (const bool with_vp : {false, true}) {
+    for (const auto& [id, line] : model.lines3D) {
+      if (colours.contains(id) != with_vp) continue;
+      canvas.Line(at(line.start), at(line.end), ColourOr(colours, id, kGrey), with_vp ? 1.2 : 0.8);
+    }
+  }
+  for (const auto& [id, image] : model.images) {
+    const Eigen::Vector3d centre = image.cam_from_world.OriginInA();
+    const Eigen::Vector3d axis =
+        image.cam_from_world.rotation.normalized().conjugate() * Eigen::Vector3d::UnitZ();
+    Eigen::Vector2d ahead(paper(axis));
+    const Eigen::Vector2d p = at(centre);
+    if (ahead.norm() < 0.1) {  // looks up or down
+      canvas.Dot(p, kBlack, 5.0);
+      continue;
+    }
+    ahead = ahead.normalized() * 0.012 * size_px;
+    const Eigen::Vector2d aside(-0.5 * ahead.y(), 0.5 * ahead.x());
+    canvas.Fill({p + ahead, p - 0.4 * ahead + aside, p - 0.4 * ahead - aside}, kBlack);
+  }
+  return canvas.ToImage();
+}
+
+}  // namespace holba

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/frontend/importers/import_correspondences.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string_view>
+#include <vector>
+
+#include "holba/base/error.h"
+#include "holba/base/log.h"
+#include "holba/frontend/importers/import_names.h"
+
+namespace holba {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr std::array<std::string_view, 3> kTargetKeys = {"warp", "target", "correspondences"};
+constexpr std::string_view kCertaintyKey = "certainty";
+
+bool IsTarget(std::string_view key) {
+  return std::find(kTargetKeys.begin(), kTargetKeys.end(), key) != kTargetKeys.end();
+}
+
+void UseFields(const StoredArrays& stored, const std::string& name_without_path,
+               const ImageNames& names, const Reconstruction& model,
+               const std::function<void(image_t, image_t, const CorrespondenceField&)>& use,
+               CorrespondenceImportReport* report, std::string* unknown) {
+  for (const auto& [path, array] : stored) {
+    const auto [prefix, key] = SplitLast(path);
+    if (key == kCertaintyKey) continue;
+    // An array may be named by its pair alone.
+    const std::string pair =
+        IsTarget(key) ? (prefix.empty() ? name_without_path : std::string(prefix)) : path;
+    const auto found = names.FindPair(pair, array.place);
+    if (!found) {
+      if (report->num_unknown_pairs++ == 0) *unknown = pair;
+      continue;
+    }
+    const auto certainty = IsTarget(key)
+                               ? stored.find((prefix.empty() ? "" : std::string(prefix) + "/") +
+                                             std::string(kCertaintyKey))
+                               : stored.end();
+    const Camera& camera2 = model.cameras.at(model.images.at(found->second).camera_id);
+    const Eigen::Vector2d size2(static_cast<double>(camera2.width),
+                                static_cast<double>(camera2.height));
+    use(found->first, found->second,
+        FieldFromArray(array, certainty == stored.end() ? nullptr : &certainty->second, size2));
+    ++report->num_fields;
+  }
+}
+
+}  // namespace
+
+CorrespondenceField FieldFromArray(const StoredArray& target, const StoredArray* certainty,
+                                   const Eigen::Vector2d& size2) {
+  std::vector<uint64_t> shape = target.array.shape;
+  if (shape.size() == 4 && shape[0] == 1) shape.erase(shape.begin());
+  constexpr uint64_t kMaxSide = 1 << 16;
+  if (shape.size() != 3 || (shape[2] != 2 && shape[2] != 4) || shape[0] == 0 || shape[1] == 0 ||
+      shape[0] > kMaxSide || shape[1] > kMaxSide) {
+    throw InputError(target.place +
+                     ": expected correspondences of shape (H, W, 2) [x y in the second image, "
+                     "pixels] or (H, W, 4) [RoMa's warp], found " +
+                     target.array.ShapeText());
+  }
+  CorrespondenceField field;
+  field.height = static_cast<int>(shape[0]);
+  field.width = static_cast<int>(shape[1]);
+  field.target_width = size2.x();
+  field.target_height = size2.y();
+  const std::vector<float> values = target.array.Values<float>();
+  const size_t size = static_cast<size_t>(shape[0] * shape[1]);
+  field.target.resize(size);
+  for (size_t i = 0; i < size; ++i) {
+    if (shape[2] == 2) {
+      field.target[i] = Eigen::Vector2f(values[2 * i] + 0.5f, values[2 * i + 1] + 0.5f);
+      continue;
+    }
+    const Eigen::Vector2d own((static_cast<double>(i % shape[1]) + 0.5) / field.width * 2.0 - 1.0,
+                              (static_cast<double>(i / shape[1]) + 0.5) / field.height * 2.0 - 1.0);
+    const Eigen::Vector2d stated(values[4 * i], values[4 * i + 1]);
+    // A pixel and a half: some tools have the corners, some the centres of pixels at -1 and 1.
+    const Eigen::Vector2d tolerance(3.0 / field.width, 3.0 / field.height);
+    if (!(((own - stated).cwiseAbs() - tolerance).maxCoeff() <= 0.0)) {
+      throw InputError(fmt::format(
+          "{}: pixel ({}, {}) of the warp says it is at ({:.3f}, {:.3f}) of the first image, "
+          "expected ({:.3f}, {:.3f}); of RoMa's symmetric warps give the left half, "
+          "warp[:, :W // 2], as the pair and the right half with its columns exchanged, "
+          "warp[:, W // 2:][..., [2, 3, 0, 1]], as the pair turned round",
+          target.place, i % shape[1], i / shape[1], stated.x(), stated.y(), own.x(), own.y()));
+    }
+    field.target[i] =
+        Eigen::Vector2f(static_cast<float>((values[4 * i + 2] + 1.0) / 2.0 * size2.x()),
+                        static_cast<float>((values[4 * i + 3] + 1.0) / 2.0 * size2.y()));
+  }
+  if (certainty != nullptr) {
+    if (certainty->array.size() != size) {
+      throw InputError(fmt::format("{}: expected the certainty of {} x {} pixels, found {}",
+                                   certainty->place, field.width, field.height,
+                                   certainty->array.ShapeText()));
+    }
+    field.certainty = certainty->array.Values<float>();
+  }
+  return field;
+}
+
+void ForEachCorrespondenceField(
+    const fs::path& path, const Reconstruction& model,
+    const std::function<void(image_t from, image_t to, const CorrespondenceField& field)>& use,
+    CorrespondenceImportReport* report) {
+  if (!fs::exists(path)) throw InputError(path, "there is no such file or folder");
+  const ImageNames names(model);
+  std::string unknown;
+  const auto wanted = [](std::string_view) { return true; };
+  if (fs::is_directory(path)) {
+    for (const auto& [name, file] : FilesBelow(path)) {
+      if (!HoldsArrays(file)) continue;
+      StoredArrays stored;
+      const std::string stem(WithoutExtension(name));
+      for (auto& [array_path, array] : ReadStoredArrays(file, wanted)) {
+        const bool is_npy = file.extension() == ".npy";
+        const std::string full = is_npy                   ? stem
+                                 : HasHdf5Extension(file) ? array_path
+                                                          : stem + "/" + array_path;
+        stored[full] = std::move(array);
+      }
+      UseFields(stored, stem, names, model, use, report, &unknown);
+    }
+  } else {
+    UseFields(ReadStoredArrays(path, wanted), path.stem().string(), names, model, use, report,
+              &unknown);
+  }
+  if (report->num_fields == 0) {
+    throw InputError(path, report->num_unknown_pairs == 0
+                               ? std::string("there are no correspondences in it: expected arrays "
+                                             "NAME1/NAME2/warp (docs: Importing features)")
+                               : fmt::format("none of its {} pairs is of images of the model: "
+                                             "expected names like '{}', found '{}'",
+                                             report->num_unknown_pairs, names.Example(), unknown));
+  }
+  if (report->num_unknown_pairs > 0) {
+    LogWarning(
+        "{}: {} pairs have images that are not in the model and are left out, for example "
+        "'{}'",
+        path.string(), report->num_unknown_pairs, unknown);
+  }
+}
+
+}  // namespace holba

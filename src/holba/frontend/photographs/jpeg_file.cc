@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/frontend/photographs/jpeg_file.h"
+
+#include <csetjmp>
+#include <cstdio>
+// libjpeg's header wants stdio's first.
+#include <jpeglib.h>
+// Codes of messages.
+#include <jerror.h>
+
+#include <memory>
+#include <string>
+
+#include "holba/base/error.h"
+
+namespace holba {
+namespace {
+
+constexpr int kQuality = 92;
+// A header may claim up to 65500 x 65500; this is 200 megapixels in colour.
+constexpr size_t kMaxBytes = size_t{600} << 20;
+
+using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
+
+// libjpeg's way out of an error is a jump: nothing with a destructor may be made between setjmp and
+// the calls that may fail.
+struct ErrorHandler {
+  jpeg_error_mgr manager;
+  std::jmp_buf back;
+  char message[JMSG_LENGTH_MAX] = {};
+};
+
+void Fail(j_common_ptr info) {
+  auto* handler = reinterpret_cast<ErrorHandler*>(info->err);
+  info->err->format_message(info, handler->message);
+  std::longjmp(handler->back, 1);
+}
+
+void Ignore(j_common_ptr) {}
+
+// Most warnings are about what does not matter; a file that ends too early is no photograph.
+void Warn(j_common_ptr info, int level) {
+  if (level < 0 && info->err->msg_code == JWRN_JPEG_EOF) Fail(info);
+}
+
+void SetHandler(ErrorHandler* handler) {
+  jpeg_std_error(&handler->manager);
+  handler->manager.error_exit = Fail;
+  handler->manager.emit_message = Warn;
+  handler->manager.output_message = Ignore;
+}
+
+// False: handler->message says why.
+bool Decode(std::FILE* file, bool grey, ErrorHandler* handler, DecodedImage* image) {
+  jpeg_decompress_struct info;
+  SetHandler(handler);
+  info.err = &handler->manager;
+  if (setjmp(handler->back)) {
+    jpeg_destroy_decompress(&info);
+    return false;
+  }
+  jpeg_create_decompress(&info);
+  jpeg_stdio_src(&info, file);
+  jpeg_read_header(&info, TRUE);
+  info.out_color_space = grey ? JCS_GRAYSCALE : JCS_RGB;
+  jpeg_start_decompress(&info);
+  const size_t channels = grey ? 1 : 3;
+  const size_t row_bytes = channels * info.output_width;
+  if (static_cast<size_t>(info.output_components) != channels ||
+      row_bytes * info.output_height > kMaxBytes) {
+    std::snprintf(handler->message, sizeof(handler->message),
+                  "images of this kind or size are not read");
+    jpeg_destroy_decompress(&info);
+    return false;
+  }
+  image->width = static_cast<int>(info.output_width);
+  image->height = static_cast<int>(info.output_height);
+  image->pixels.resize(row_bytes * info.output_height);
+  while (info.output_scanline < info.output_height) {
+    JSAMPROW row = image->pixels.data() + row_bytes * info.output_scanline;
+    jpeg_read_scanlines(&info, &row, 1);
+  }
+  jpeg_finish_decompress(&info);
+  jpeg_destroy_decompress(&info);
+  return true;
+}
+
+bool Encode(const ColourImage& image, std::FILE* file) {
+  jpeg_compress_struct info;
+  ErrorHandler handler;
+  SetHandler(&handler);
+  info.err = &handler.manager;
+  if (setjmp(handler.back)) {
+    jpeg_destroy_compress(&info);
+    return false;
+  }
+  jpeg_create_compress(&info);
+  jpeg_stdio_dest(&info, file);
+  info.image_width = static_cast<JDIMENSION>(image.width);
+  info.image_height = static_cast<JDIMENSION>(image.height);
+  info.input_components = 3;
+  info.in_color_space = JCS_RGB;
+  jpeg_set_defaults(&info);
+  jpeg_set_quality(&info, kQuality, TRUE);
+  jpeg_start_compress(&info, TRUE);
+  while (info.next_scanline < info.image_height) {
+    JSAMPROW row = const_cast<uint8_t*>(image.pixels.data()) +
+                   3 * static_cast<size_t>(image.width) * info.next_scanline;
+    jpeg_write_scanlines(&info, &row, 1);
+  }
+  jpeg_finish_compress(&info);
+  jpeg_destroy_compress(&info);
+  return true;
+}
+
+}  // namespace
+
+DecodedImage ReadJpeg(const std::filesystem::path& path, bool grey) {
+  const File file(std::fopen(path.c_str(), "rb"), std::fclose);
+  if (!file) throw InputError(path, "cannot be opened for reading");
+  DecodedImage image;
+  ErrorHandler handler;
+  if (!Decode(file.get(), grey, &handler, &image))
+    throw InputError(path, std::string("the JPEG file cannot be decoded: ") + handler.message +
+                               "; save it anew, in RGB or grey, under the same name");
+  return image;
+}
+
+bool WriteJpeg(const ColourImage& image, const std::filesystem::path& path) {
+  File file(std::fopen(path.c_str(), "wb"), std::fclose);
+  if (!file || !Encode(image, file.get())) return false;
+  return std::fclose(file.release()) == 0;
+}
+
+}  // namespace holba

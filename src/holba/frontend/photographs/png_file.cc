@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/frontend/photographs/png_file.h"
+
+#include <png.h>
+
+#include <csetjmp>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <string>
+
+#include "holba/base/error.h"
+
+namespace holba {
+namespace {
+
+constexpr size_t kMaxBytes = size_t{600} << 20;  // as for JPEG
+
+using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
+
+// As libjpeg, libpng leaves by a jump.
+struct ErrorHandler {
+  std::jmp_buf back;
+  char message[200] = {};
+};
+
+[[noreturn]] void Fail(png_structp png, png_const_charp message) {
+  auto* handler = static_cast<ErrorHandler*>(png_get_error_ptr(png));
+  std::snprintf(handler->message, sizeof(handler->message), "%s", message);
+  std::longjmp(handler->back, 1);
+}
+
+void Ignore(png_structp, png_const_charp) {}
+
+// RGB. False: handler->message says why.
+bool Decode(std::FILE* file, ErrorHandler* handler, DecodedImage* image) {
+  png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, handler, Fail, Ignore);
+  if (png == nullptr) return false;
+  // Before setjmp: what changes after it is lost in the jump.
+  png_infop info = png_create_info_struct(png);
+  if (info == nullptr || setjmp(handler->back)) {
+    png_destroy_read_struct(&png, &info, nullptr);
+    return false;
+  }
+  png_init_io(png, file);
+  png_read_info(png, info);
+  png_set_expand(png);
+  png_set_scale_16(png);
+  png_set_strip_alpha(png);
+  png_set_gray_to_rgb(png);
+  const int passes = png_set_interlace_handling(png);
+  png_read_update_info(png, info);
+  const size_t width = png_get_image_width(png, info), height = png_get_image_height(png, info);
+  const size_t row_bytes = 3 * width;
+  if (png_get_rowbytes(png, info) != row_bytes || row_bytes * height > kMaxBytes)
+    Fail(png, "images of this kind or size are not read");
+  image->width = static_cast<int>(width);
+  image->height = static_cast<int>(height);
+  image->pixels.resize(row_bytes * height);
+  for (int pass = 0; pass < passes; ++pass) {
+    for (size_t y = 0; y < height; ++y)
+      png_read_row(png, image->pixels.data() + row_bytes * y, nullptr);
+  }
+  png_read_end(png, nullptr);
+  png_destroy_read_struct(&png, &info, nullptr);
+  return true;
+}
+
+bool Encode(const ColourImage& image, std::FILE* file) {
+  ErrorHandler handler;
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &handler, Fail, Ignore);
+  if (png == nullptr) return false;
+  png_infop info = png_create_info_struct(png);
+  if (info == nullptr || setjmp(handler.back)) {
+    png_destroy_write_struct(&png, &info);
+    return false;
+  }
+  png_init_io(png, file);
+  png_set_IHDR(png, info, static_cast<png_uint_32>(image.width),
+               static_cast<png_uint_32>(image.height), 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  // Pictures are drawn, so that fast compression makes small files, too.
+  png_set_compression_level(png, 3);
+  png_write_info(png, info);
+  for (size_t y = 0; y < static_cast<size_t>(image.height); ++y)
+    png_write_row(png, image.pixels.data() + 3 * image.width * y);
+  png_write_end(png, nullptr);
+  png_destroy_write_struct(&png, &info);
+  return true;
+}
+
+}  // namespace
+
+DecodedImage ReadPng(const std::filesystem::path& path, bool grey) {
+  const File file(std::fopen(path.c_str(), "rb"), std::fclose);
+  if (!file) throw InputError(path, "cannot be opened for reading");
+  DecodedImage image;
+  ErrorHandler handler;
+  if (!Decode(file.get(), &handler, &image))
+    throw InputError(path, std::string("the PNG file cannot be decoded: ") + handler.message +
+                               "; save it anew under the same name");
+  if (!grey) return image;
+  DecodedImage brightness{image.width, image.height, {}};
+  brightness.pixels.resize(image.pixels.size() / 3);
+  for (size_t i = 0; i < brightness.pixels.size(); ++i) {
+    const uint8_t* rgb = &image.pixels[3 * i];
+    // In 1 / 65536, rounded.
+    brightness.pixels[i] =
+        static_cast<uint8_t>((19595u * rgb[0] + 38470u * rgb[1] + 7471u * rgb[2] + 32768u) >> 16);
+  }
+  return brightness;
+}
+
+bool WritePng(const ColourImage& image, const std::filesystem::path& path) {
+  File file(std::fopen(path.c_str(), "wb"), std::fclose);
+  if (!file || !Encode(image, file.get())) return false;
+  return std::fclose(file.release()) == 0;
+}
+
+}  // namespace holba

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Photographs and pictures as PNG files, by libpng. (Label maps are read by import_png.h: their
+// values are numbers, not colours.)
+#pragma once
+
+#include <filesystem>
+
+#include "holba/frontend/photographs/jpeg_file.h"
+
+namespace holba {
+
+// Of any kind of PNG: palettes and 16 bits are brought to 8 bits a channel, transparency is left
+// out. Grey of colours: 0.299 R + 0.587 G + 0.114 B. Throws InputError.
+DecodedImage ReadPng(const std::filesystem::path& path, bool grey);
+// False: it cannot be written.
+bool WritePng(const ColourImage& image, const std::filesystem::path& path);
+
+}  // namespace holba
