@@ -174,10 +174,15 @@ bool HasSensor(const Rig& rig, const SensorId& sensor) {
                      [&](const Rig::Sensor& other) { return other.id == sensor; });
 }
 
-template <typename In>
+// Frames and images come in two files each: those with a pose (COLMAP's), and those without (ours, the same
+// but for the pose).
+enum class Registration { kRegistered, kUnregistered };
+
+template <Registration kRegistration, typename In>
 void ReadFrameRecords(In& in, Reconstruction* model) {
+  constexpr bool kHasPose = kRegistration == Registration::kRegistered;
   std::unordered_map<uint64_t, frame_t> frame_of_image;
-  in.Begin("the number of frames", 68);
+  in.Begin("the number of frames", kHasPose ? 68 : 12);
   while (in.NextRecord()) {
     const frame_t frame_id = in.Key32("FRAME_ID");
     Frame frame;
@@ -187,7 +192,7 @@ void ReadFrameRecords(In& in, Reconstruction* model) {
       in.Fail(
           fmt::format("frame {} names rig {}, which is not in the model", frame_id, frame.rig_id));
     }
-    frame.rig_from_world = ReadPose(in, fmt::format("frame {}", frame_id));
+    if constexpr (kHasPose) frame.rig_from_world = ReadPose(in, fmt::format("frame {}", frame_id));
     for (size_t left = in.Count32("NUM_DATA_IDS", 16); left > 0; --left) {
       Frame::Data data;
       data.sensor = ReadSensor(in);
@@ -206,7 +211,8 @@ void ReadFrameRecords(In& in, Reconstruction* model) {
       frame.data.push_back(data);
     }
     in.EndRecord();
-    if (!model->frames.Add(frame_id, std::move(frame))) {
+    auto& frames = kHasPose ? model->frames : model->unregistered_frames;
+    if ((!kHasPose && model->frames.contains(frame_id)) || !frames.Add(frame_id, std::move(frame))) {
       in.FailRecord(fmt::format("frame {} is there twice", frame_id));
     }
   }
@@ -217,9 +223,9 @@ struct FrameOfImage {
   frame_t frame_id;
   SensorId sensor;
 };
-std::unordered_map<uint64_t, FrameOfImage> FramesOfImages(const Reconstruction& model) {
+std::unordered_map<uint64_t, FrameOfImage> FramesOfImages(const IdMap<frame_t, Frame>& all) {
   std::unordered_map<uint64_t, FrameOfImage> frames;
-  for (const auto& [frame_id, frame] : model.frames) {
+  for (const auto& [frame_id, frame] : all) {
     for (const Frame::Data& data : frame.data) {
       if (data.sensor.type == SensorType::kCamera) {
         frames.emplace(data.data_id, FrameOfImage{frame_id, data.sensor});
@@ -248,7 +254,9 @@ void JoinFrame(In& in, const Reconstruction& model,
                               ToString(found->second.sensor)));
   }
   image->frame_id = found->second.frame_id;
-  const Frame& frame = model.frames.at(image->frame_id);
+  const Frame* registered = model.frames.Find(image->frame_id);
+  if (registered == nullptr) return;
+  const Frame& frame = *registered;
   const Rig& rig = model.rigs.at(frame.rig_id);
   Rigid3d pose = frame.rig_from_world;
   if (rig.ref_sensor != sensor) {
@@ -263,16 +271,18 @@ void JoinFrame(In& in, const Reconstruction& model,
   if (!Agree(image->cam_from_world, pose)) image->cam_from_world = pose;
 }
 
-template <typename In>
+template <Registration kRegistration, typename In>
 void ReadImageRecords(In& in, Reconstruction* model) {
+  constexpr bool kHasPose = kRegistration == Registration::kRegistered;
   // As COLMAP: without any rig and frame a model is of the older form, whatever files there are.
-  const bool has_frames = !model->rigs.empty() || !model->frames.empty();
-  const auto frames = FramesOfImages(*model);
-  in.Begin("the number of images", 73);
+  const bool has_frames =
+      kHasPose ? !model->rigs.empty() || !model->frames.empty() : !model->unregistered_frames.empty();
+  const auto frames = FramesOfImages(kHasPose ? model->frames : model->unregistered_frames);
+  in.Begin("the number of images", kHasPose ? 73 : 17);
   while (in.NextRecord()) {
     const image_t image_id = in.Key32("IMAGE_ID");
     Image image;
-    image.cam_from_world = ReadPose(in, fmt::format("image {}", image_id));
+    if constexpr (kHasPose) image.cam_from_world = ReadPose(in, fmt::format("image {}", image_id));
     image.camera_id = in.Key32("CAMERA_ID");
     if (!model->cameras.contains(image.camera_id)) {
       in.Fail(fmt::format("image {} names camera {}, which is not in the model", image_id,
@@ -283,7 +293,7 @@ void ReadImageRecords(In& in, Reconstruction* model) {
       image.name = in.ZeroTerminated("NAME");
       if (image.name.empty())
         in.Fail(fmt::format("expected NAME of image {}, found none", image_id));
-      list = in.Count("NUM_POINTS2D", 24);
+      list = in.Count("NUM_POINTS2D", kHasPose ? 24 : 16);
       image.points2D.reserve(list);
     } else {
       image.name = in.Rest("NAME", "the name of the image file");
@@ -294,17 +304,18 @@ void ReadImageRecords(In& in, Reconstruction* model) {
     if (has_frames) JoinFrame(in, *model, frames, image_id, &image);
     if constexpr (!In::kBinary) {
       in.NextRawLine("POINTS2D");
-      list = in.List("POINTS2D", 24);
+      list = in.List("POINTS2D", kHasPose ? 24 : 16);
     }
     while (in.More(&list)) {
       Point2D point;
       point.xy.x() = in.Real("X");
       point.xy.y() = in.Real("Y");
-      point.point3D_id = in.Id("POINT3D_ID");
+      if constexpr (kHasPose) point.point3D_id = in.Id("POINT3D_ID");
       image.points2D.push_back(point);
     }
     in.EndRecord();
-    if (!model->images.Add(image_id, std::move(image))) {
+    auto& images = kHasPose ? model->images : model->unregistered_images;
+    if ((!kHasPose && model->images.contains(image_id)) || !images.Add(image_id, std::move(image))) {
       in.FailRecord(fmt::format("image {} is there twice", image_id));
     }
   }
@@ -363,12 +374,12 @@ void ReadRigs(ModelFormat format, std::string_view bytes, const std::filesystem:
 
 void ReadFrames(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
                 Reconstruction* model) {
-  WithInput(format, bytes, path, [&](auto& in) { ReadFrameRecords(in, model); });
+  WithInput(format, bytes, path, [&](auto& in) { ReadFrameRecords<Registration::kRegistered>(in, model); });
 }
 
 void ReadImages(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
                 Reconstruction* model) {
-  WithInput(format, bytes, path, [&](auto& in) { ReadImageRecords(in, model); });
+  WithInput(format, bytes, path, [&](auto& in) { ReadImageRecords<Registration::kRegistered>(in, model); });
 }
 
 void ReadPoints3D(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
@@ -423,20 +434,26 @@ void WriteRigs(ModelFormat format, const Reconstruction& model, std::ostream* st
   });
 }
 
-void WriteFrames(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+namespace {
+
+template <Registration kRegistration>
+void WriteFrameRecords(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  constexpr bool kHasPose = kRegistration == Registration::kRegistered;
+  const auto& frames = kHasPose ? model.frames : model.unregistered_frames;
   WithOutput(format, stream, [&](auto& out) {
     if constexpr (!std::decay_t<decltype(out)>::kBinary) {
-      out.Comment("Frame list with one line of data per frame:");
-      out.Comment(
-          "  FRAME_ID, RIG_ID, RIG_FROM_WORLD[QW, QX, QY, QZ, TX, TY, TZ], NUM_DATA_IDS, "
-          "DATA_IDS[] as (SENSOR_TYPE, SENSOR_ID, DATA_ID)");
-      out.Comment(fmt::format("Number of frames: {}", model.frames.size()));
+      out.Comment(kHasPose ? "Frame list with one line of data per frame:"
+                           : "Frames without a pose, one line of data per frame:");
+      out.Comment(fmt::format(
+          "  FRAME_ID, RIG_ID, {}NUM_DATA_IDS, DATA_IDS[] as (SENSOR_TYPE, SENSOR_ID, DATA_ID)",
+          kHasPose ? "RIG_FROM_WORLD[QW, QX, QY, QZ, TX, TY, TZ], " : ""));
+      out.Comment(fmt::format("Number of frames: {}", frames.size()));
     }
-    out.Begin(model.frames.size());
-    for (const auto& [frame_id, frame] : model.frames) {
+    out.Begin(frames.size());
+    for (const auto& [frame_id, frame] : frames) {
       out.Index(frame_id);
       out.Index(frame.rig_id);
-      WritePose(out, frame.rig_from_world);
+      if constexpr (kHasPose) WritePose(out, frame.rig_from_world);
       out.Index(static_cast<uint32_t>(frame.data.size()));
       for (const Frame::Data& data : frame.data) {
         WriteSensor(out, data.sensor);
@@ -447,21 +464,28 @@ void WriteFrames(ModelFormat format, const Reconstruction& model, std::ostream* 
   });
 }
 
-void WriteImages(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+template <Registration kRegistration>
+void WriteImageRecords(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  constexpr bool kHasPose = kRegistration == Registration::kRegistered;
+  const auto& images = kHasPose ? model.images : model.unregistered_images;
   WithOutput(format, stream, [&](auto& out) {
     constexpr bool kBinary = std::decay_t<decltype(out)>::kBinary;
-    if constexpr (!kBinary) {
+    if constexpr (!kBinary && kHasPose) {
       out.Comment("Image list with two lines of data per image:");
       out.Comment("  IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME");
       out.Comment("  POINTS2D[] as (X, Y, POINT3D_ID)");
       out.Comment(fmt::format("Number of images: {}, mean observations per image: {}",
-                              model.images.size(),
-                              Ratio(NumObservations(model), model.images.size())));
+                              images.size(), Ratio(NumObservations(model), images.size())));
+    } else if constexpr (!kBinary) {
+      out.Comment("Images without a pose, two lines of data per image:");
+      out.Comment("  IMAGE_ID, CAMERA_ID, NAME");
+      out.Comment("  POINTS2D[] as (X, Y)");
+      out.Comment(fmt::format("Number of images: {}", images.size()));
     }
-    out.Begin(model.images.size());
-    for (const auto& [image_id, image] : model.images) {
+    out.Begin(images.size());
+    for (const auto& [image_id, image] : images) {
       out.Index(image_id);
-      WritePose(out, image.cam_from_world);
+      if constexpr (kHasPose) WritePose(out, image.cam_from_world);
       out.Index(image.camera_id);
       if constexpr (kBinary) {
         out.ZeroTerminated(image.name);
@@ -474,11 +498,36 @@ void WriteImages(ModelFormat format, const Reconstruction& model, std::ostream* 
       for (const Point2D& point : image.points2D) {
         out.Real(point.xy.x());
         out.Real(point.xy.y());
-        out.Id(point.point3D_id);
+        if constexpr (kHasPose) out.Id(point.point3D_id);
       }
       out.EndRecord();
     }
   });
+}
+
+}  // namespace
+
+void WriteFrames(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  WriteFrameRecords<Registration::kRegistered>(format, model, stream);
+}
+void WriteImages(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  WriteImageRecords<Registration::kRegistered>(format, model, stream);
+}
+void ReadUnregisteredFrames(ModelFormat format, std::string_view bytes,
+                            const std::filesystem::path& path, Reconstruction* model) {
+  WithInput(format, bytes, path,
+            [&](auto& in) { ReadFrameRecords<Registration::kUnregistered>(in, model); });
+}
+void ReadUnregisteredImages(ModelFormat format, std::string_view bytes,
+                            const std::filesystem::path& path, Reconstruction* model) {
+  WithInput(format, bytes, path,
+            [&](auto& in) { ReadImageRecords<Registration::kUnregistered>(in, model); });
+}
+void WriteUnregisteredFrames(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  WriteFrameRecords<Registration::kUnregistered>(format, model, stream);
+}
+void WriteUnregisteredImages(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  WriteImageRecords<Registration::kUnregistered>(format, model, stream);
 }
 
 void WritePoints3D(ModelFormat format, const Reconstruction& model, std::ostream* stream) {

@@ -31,6 +31,15 @@ void ReadImages(ModelFormat format, std::string_view bytes, const std::filesyste
 void ReadPoints3D(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
                   Reconstruction* model);
 
+// Frames and images without a pose, in files of ours of the same form but for it (docs/FORMAT.md). After those
+// with a pose and the points. Images without a frame get trivial ones.
+void ReadUnregisteredFrames(ModelFormat format, std::string_view bytes,
+                            const std::filesystem::path& path, Reconstruction* model);
+void ReadUnregisteredImages(ModelFormat format, std::string_view bytes,
+                            const std::filesystem::path& path, Reconstruction* model);
+void WriteUnregisteredFrames(ModelFormat format, const Reconstruction& model, std::ostream* stream);
+void WriteUnregisteredImages(ModelFormat format, const Reconstruction& model, std::ostream* stream);
+
 void WriteCameras(ModelFormat format, const Reconstruction& model, std::ostream* stream);
 void WriteRigs(ModelFormat format, const Reconstruction& model, std::ostream* stream);
 void WriteFrames(ModelFormat format, const Reconstruction& model, std::ostream* stream);

@@ -132,8 +132,6 @@ TEST(CorruptedText, IsRefusedWithLineAndExpectation) {
        "groups3D.txt:2: ", "group 1 has parameters that are no VP"},
       {"groups3D", "1 VP 3 1 0 0", "1 PLANE 4 1 0 0 0",
        "groups3D.txt:2: ", "group 1 is a PLANE, but its observation, group 0 of image 1, is a VP"},
-      {"groups3D", "0 1 1 1 1 0", "0 0 1 1 0",
-       "groups3D.txt:2: ", "group 1 is a VP without members"},
       {"groups3D", "0 1 1 1 1 0", "0 1 9 1 1 0",
        "groups3D.txt:2: ", "expected LINE3D_ID of the model, found 9"},
       {"groups3D", "0 1 1 1 1 0", "0 1 1 0", "",

@@ -23,7 +23,18 @@ struct FileKind {
   const char* name;
   Reader read;
   Writer write;
+  // Whether a model has what the file holds. Null: the file is written with the others of its kind.
+  bool (*is_needed)(const Reconstruction&) = nullptr;
 };
+
+bool HasNamedOrigins(const Reconstruction& model) {
+  return std::any_of(model.points3D.begin(), model.points3D.end(),
+                     [](const auto& entry) { return entry.second.origin != PointOrigin::kDetected; });
+}
+bool HasUnregisteredFrames(const Reconstruction& model) {
+  return model.has_rig_files && !model.unregistered_frames.empty();
+}
+bool HasUnregisteredImages(const Reconstruction& model) { return !model.unregistered_images.empty(); }
 
 constexpr FileKind kCameras{"cameras", ReadCameras, WriteCameras};
 constexpr FileKind kRigs{"rigs", ReadRigs, WriteRigs};
@@ -31,7 +42,13 @@ constexpr FileKind kFrames{"frames", ReadFrames, WriteFrames};
 constexpr FileKind kImages{"images", ReadImages, WriteImages};
 constexpr FileKind kPoints3D{"points3D", ReadPoints3D, WritePoints3D};
 // In the order in which they are read.
-constexpr std::array<FileKind, 6> kSideFiles{{{"lines2D", ReadLines2D, WriteLines2D},
+constexpr std::array<FileKind, 9> kSideFiles{{{"unregistered_frames", ReadUnregisteredFrames,
+                                               WriteUnregisteredFrames, HasUnregisteredFrames},
+                                              {"unregistered_images", ReadUnregisteredImages,
+                                               WriteUnregisteredImages, HasUnregisteredImages},
+                                              {"point_origins", ReadPointOrigins, WritePointOrigins,
+                                               HasNamedOrigins},
+                                              {"lines2D", ReadLines2D, WriteLines2D},
                                               {"lines3D", ReadLines3D, WriteLines3D},
                                               {"groups2D", ReadGroups2D, WriteGroups2D},
                                               {"groups3D", ReadGroups3D, WriteGroups3D},
@@ -59,11 +76,13 @@ void ReadFile(const fs::path& folder, const FileKind& kind, ModelFormat format,
 }
 
 bool IsHolistic(const Reconstruction& model) {
+  const auto has_structure = [](const auto& entry) {
+    return !entry.second.lines2D.empty() || !entry.second.groups2D.empty();
+  };
   return !model.lines3D.empty() || !model.groups3D.empty() || !model.wireframe.empty() ||
          !model.relations.empty() ||
-         std::any_of(model.images.begin(), model.images.end(), [](const auto& entry) {
-           return !entry.second.lines2D.empty() || !entry.second.groups2D.empty();
-         });
+         std::any_of(model.images.begin(), model.images.end(), has_structure) ||
+         std::any_of(model.unregistered_images.begin(), model.unregistered_images.end(), has_structure);
 }
 
 }  // namespace
@@ -137,8 +156,11 @@ void WriteModel(const Reconstruction& model, const fs::path& folder, ModelFormat
   }
   write(kImages);
   write(kPoints3D);
-  if (IsHolistic(model)) {
-    for (const FileKind& kind : kSideFiles) write(kind);
+  const bool is_holistic = IsHolistic(model);
+  for (const FileKind& kind : kSideFiles) {
+    if (kind.is_needed != nullptr ? kind.is_needed(model) : is_holistic) write(kind);
+  }
+  if (is_holistic) {
     stage.Write(kHolisticJson,
                 [&](std::ostream* stream) { *stream << HolisticJson(FrameOf(model)); });
   }

@@ -39,10 +39,13 @@ void WriteGroupType(Out& out, const GroupType* type) {
   }
 }
 
+// By PointOrigin.
+constexpr std::string_view kOriginNames[] = {"DETECTED", "IMPORTED", "JUNCTION", "CORNER"};
+
 template <typename In>
 Image* ReadImageId(In& in, Reconstruction* model, image_t* image_id) {
   *image_id = in.Index("IMAGE_ID");
-  Image* image = model->images.Find(*image_id);
+  Image* image = model->FindImage(*image_id);
   if (image == nullptr) {
     in.Fail(fmt::format("expected IMAGE_ID of an image of the model, found {}", *image_id));
   }
@@ -169,7 +172,7 @@ void ReadGroup2DRecords(In& in, Reconstruction* model) {
     return std::tie(a.image_id, a.idx) < std::tie(b.image_id, b.idx);
   });
   for (Record& record : records) {
-    std::vector<Group2D>& groups = model->images.at(record.image_id).groups2D;
+    std::vector<Group2D>& groups = model->FindImage(record.image_id)->groups2D;
     if (record.idx != groups.size()) {
       in.FailAt(
           record.place,
@@ -283,10 +286,37 @@ void ReadRelationRecords(In& in, Reconstruction* model) {
   }
 }
 
-// By id: the order of images in the model is that of their registration and says nothing here.
+template <typename In>
+void ReadPointOriginRecords(In& in, Reconstruction* model) {
+  in.Begin("the number of points", 9);
+  while (in.NextRecord()) {
+    const point3D_t id = in.Key("POINT3D_ID");
+    Point3D* point = model->points3D.Find(id);
+    if (point == nullptr) in.Fail(fmt::format("expected POINT3D_ID of the model, found {}", id));
+    size_t origin = 0;
+    if constexpr (In::kBinary) {
+      origin = in.Byte("ORIGIN");
+    } else {
+      const std::string_view word = in.Word("ORIGIN", "IMPORTED, JUNCTION or CORNER");
+      origin = static_cast<size_t>(std::find(std::begin(kOriginNames), std::end(kOriginNames), word) -
+                                   std::begin(kOriginNames));
+    }
+    if (origin >= std::size(kOriginNames)) {
+      in.Fail(fmt::format("expected ORIGIN (0 {}, 1 {}, 2 {} or 3 {}) of point {}, found another", kOriginNames[0],
+                          kOriginNames[1], kOriginNames[2], kOriginNames[3], id));
+    }
+    point->origin = static_cast<PointOrigin>(origin);
+    in.EndRecord();
+  }
+}
+
+// By id: the order of images in the model is that of their registration and says nothing here. With those
+// that have no pose.
 std::vector<std::pair<image_t, const Image*>> ImagesById(const Reconstruction& model) {
   std::vector<std::pair<image_t, const Image*>> images;
-  for (const auto& [image_id, image] : model.images) images.emplace_back(image_id, &image);
+  for (const auto* some : {&model.images, &model.unregistered_images}) {
+    for (const auto& [image_id, image] : *some) images.emplace_back(image_id, &image);
+  }
   std::sort(images.begin(), images.end());
   return images;
 }
@@ -318,6 +348,28 @@ void ReadWireframe(ModelFormat format, std::string_view bytes, const std::filesy
                    Reconstruction* model) {
   WithInput(format, bytes, path, [&](auto& in) { ReadWireframeRecords(in, model); });
 }
+void ReadPointOrigins(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                      Reconstruction* model) {
+  WithInput(format, bytes, path, [&](auto& in) { ReadPointOriginRecords(in, model); });
+}
+void WritePointOrigins(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+  WithOutput(format, stream, [&](auto& out) {
+    Header(out, "POINT3D_ID ORIGIN; points that are not named are DETECTED");
+    const auto is_named = [](const auto& entry) { return entry.second.origin != PointOrigin::kDetected; };
+    out.Begin(static_cast<uint64_t>(std::count_if(model.points3D.begin(), model.points3D.end(), is_named)));
+    for (const auto& entry : model.points3D) {
+      if (!is_named(entry)) continue;
+      out.Id(entry.first);
+      const auto origin = static_cast<uint8_t>(entry.second.origin);
+      if constexpr (std::decay_t<decltype(out)>::kBinary) {
+        out.Byte(origin);
+      } else {
+        out.Word(kOriginNames[origin]);
+      }
+      out.EndRecord();
+    }
+  });
+}
 void ReadRelations(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
                    Reconstruction* model) {
   WithInput(format, bytes, path, [&](auto& in) { ReadRelationRecords(in, model); });
@@ -326,10 +378,10 @@ void ReadRelations(ModelFormat format, std::string_view bytes, const std::filesy
 void WriteLines2D(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
   WithOutput(format, stream, [&](auto& out) {
     Header(out, "IMAGE_ID NUM_LINES (X1 Y1 X2 Y2 LINE3D_ID)*");
-    out.Begin(static_cast<uint64_t>(
-        std::count_if(model.images.begin(), model.images.end(),
-                      [](const auto& entry) { return !entry.second.lines2D.empty(); })));
-    for (const auto& [image_id, image] : ImagesById(model)) {
+    const auto images = ImagesById(model);
+    out.Begin(static_cast<uint64_t>(std::count_if(
+        images.begin(), images.end(), [](const auto& entry) { return !entry.second->lines2D.empty(); })));
+    for (const auto& [image_id, image] : images) {
       if (image->lines2D.empty()) continue;
       out.Index(image_id);
       out.Count(image->lines2D.size());
@@ -372,9 +424,10 @@ void WriteGroups2D(ModelFormat format, const Reconstruction& model, std::ostream
     Header(out,
            "IMAGE_ID GROUP2D_IDX TYPE GROUP3D_ID NUM_POINTS POINT2D_IDX* NUM_LINES LINE2D_IDX*");
     uint64_t num_groups = 0;
-    for (const auto& [image_id, image] : model.images) num_groups += image.groups2D.size();
+    const auto images = ImagesById(model);
+    for (const auto& [image_id, image] : images) num_groups += image->groups2D.size();
     out.Begin(num_groups);
-    for (const auto& [image_id, image] : ImagesById(model)) {
+    for (const auto& [image_id, image] : images) {
       for (size_t idx = 0; idx < image->groups2D.size(); ++idx) {
         const Group2D& group = image->groups2D[idx];
         out.Index(image_id);

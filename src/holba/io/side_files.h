@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Our own files beside a COLMAP model, text and binary (FORMAT.md): lines2D, lines3D, groups2D,
-// groups3D, wireframe, relations. What text ends with the line (the track of a 3D line), binary
+// groups3D, wireframe, relations, point_origins. What text ends with the line (the track of a 3D line), binary
 // precedes by its uint64 length, as COLMAP's points3D.bin does.
 //
 // Readers take the bytes of a file and add its records to `model`; call them in the order below,
@@ -28,6 +28,9 @@ void ReadWireframe(ModelFormat format, std::string_view bytes, const std::filesy
                    Reconstruction* model);
 void ReadRelations(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
                    Reconstruction* model);
+// Of the points whose origin is not that they were detected.
+void ReadPointOrigins(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                      Reconstruction* model);
 
 void WriteLines2D(ModelFormat format, const Reconstruction& model, std::ostream* stream);
 void WriteLines3D(ModelFormat format, const Reconstruction& model, std::ostream* stream);
@@ -35,5 +38,6 @@ void WriteGroups2D(ModelFormat format, const Reconstruction& model, std::ostream
 void WriteGroups3D(ModelFormat format, const Reconstruction& model, std::ostream* stream);
 void WriteWireframe(ModelFormat format, const Reconstruction& model, std::ostream* stream);
 void WriteRelations(ModelFormat format, const Reconstruction& model, std::ostream* stream);
+void WritePointOrigins(ModelFormat format, const Reconstruction& model, std::ostream* stream);
 
 }  // namespace holba

@@ -10,6 +10,7 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "holba/scene/association_index.h"
 #include "holba/scene/reconstruction.h"
 #include "holba/scene/validity.h"
 
@@ -53,7 +54,7 @@ class Inspector {
   Fault Run() {
     using Check = Fault (Inspector::*)();
     for (const Check check : {&Inspector::Cameras, &Inspector::Rigs, &Inspector::Frames,
-                              &Inspector::Images, &Inspector::Points, &Inspector::Lines,
+                              &Inspector::Images, &Inspector::Unregistered, &Inspector::Points, &Inspector::Lines,
                               &Inspector::Groups, &Inspector::Wireframe, &Inspector::Relations}) {
       if (Fault fault = (this->*check)()) return fault;
     }
@@ -147,16 +148,79 @@ class Inspector {
         return fmt::format("image {} {}", image_id, *fault);
       }
       if (Fault fault = ImageFrameFault(image_id, image)) return fault;
-      for (size_t k = 0; k < image.points2D.size(); ++k) {
-        if (!image.points2D[k].xy.allFinite()) {
-          return fmt::format("point {} of image {} is not finite", k, image_id);
+      if (Fault fault = FeatureFault(image_id, image)) return fault;
+    }
+    return std::nullopt;
+  }
+
+  // What has no pose names nothing in 3D, and its frame is not registered either.
+  Fault Unregistered() {
+    std::unordered_map<image_t, frame_t> frame_of_image;
+    for (const auto& [frame_id, frame] : model_.unregistered_frames) {
+      if (model_.frames.contains(frame_id))
+        return fmt::format("frame {} is registered and not", frame_id);
+      const auto sensors = sensors_.find(frame.rig_id);
+      if (sensors == sensors_.end())
+        return fmt::format("frame {} names rig {}, which does not exist", frame_id, frame.rig_id);
+      for (const Frame::Data& data : frame.data) {
+        if (!sensors->second.contains(Key(data.sensor))) {
+          return fmt::format("frame {} has data of {}, which is not in its rig {}", frame_id,
+                             ToString(data.sensor), frame.rig_id);
         }
+        if (data.sensor.type != SensorType::kCamera || data.data_id >= kInvalidId32) continue;
+        const auto image_id = static_cast<image_t>(data.data_id);
+        if (model_.images.contains(image_id)) {
+          return fmt::format("image {} is registered, its frame {} is not", image_id, frame_id);
+        }
+        if (!model_.unregistered_images.contains(image_id)) continue;
+        if (!frame_of_image.emplace(image_id, frame_id).second)
+          return fmt::format("image {} is in two frames without poses", image_id);
       }
-      for (size_t k = 0; k < image.lines2D.size(); ++k) {
-        const LineSegment2d& segment = image.lines2D[k].segment;
-        if (!segment.start.allFinite() || !segment.end.allFinite()) {
-          return fmt::format("line {} of image {} is not finite", k, image_id);
-        }
+    }
+    for (const auto& [image_id, image] : model_.unregistered_images) {
+      if (model_.images.contains(image_id))
+        return fmt::format("image {} is registered and not", image_id);
+      if (image.name.empty()) return fmt::format("image {} has no name", image_id);
+      if (!model_.cameras.contains(image.camera_id)) {
+        return fmt::format("image {} names camera {}, which does not exist", image_id,
+                           image.camera_id);
+      }
+      const auto frame = frame_of_image.find(image_id);
+      if (frame == frame_of_image.end() || frame->second != image.frame_id)
+        return fmt::format("image {} names frame {}, which does not name the image", image_id, image.frame_id);
+      const auto names = [](const auto& features, const auto& id_of) {
+        return std::any_of(features.begin(), features.end(), [&](const auto& f) { return id_of(f) != kNoId; });
+      };
+      if (names(image.points2D, [](const Point2D& p) { return p.point3D_id; }) ||
+          names(image.lines2D, [](const Line2D& l) { return l.line3D_id; }) ||
+          names(image.groups2D, [](const Group2D& g) { return g.group3D_id; })) {
+        return fmt::format("image {} has no pose and observes 3D features", image_id);
+      }
+      if (Fault fault = FeatureFault(image_id, image)) return fault;
+      if (Fault fault = Groups2DFault(image_id, image)) return fault;
+    }
+    return std::nullopt;
+  }
+
+  static Fault FeatureFault(image_t image_id, const Image& image) {
+    for (size_t k = 0; k < image.points2D.size(); ++k) {
+      if (!image.points2D[k].xy.allFinite()) {
+        return fmt::format("point {} of image {} is not finite", k, image_id);
+      }
+    }
+    for (size_t k = 0; k < image.lines2D.size(); ++k) {
+      const LineSegment2d& segment = image.lines2D[k].segment;
+      if (!segment.start.allFinite() || !segment.end.allFinite()) {
+        return fmt::format("line {} of image {} is not finite", k, image_id);
+      }
+    }
+    return std::nullopt;
+  }
+
+  static Fault Groups2DFault(image_t image_id, const Image& image) {
+    for (size_t k = 0; k < image.groups2D.size(); ++k) {
+      if (const Fault fault = Group2DFault(image, image.groups2D[k])) {
+        return fmt::format("group {} of image {} {}", k, image_id, *fault);
       }
     }
     return std::nullopt;
@@ -263,11 +327,7 @@ class Inspector {
 
   Fault Groups() {
     for (const auto& [image_id, image] : model_.images) {
-      for (size_t k = 0; k < image.groups2D.size(); ++k) {
-        if (const Fault fault = Group2DFault(image, image.groups2D[k])) {
-          return fmt::format("group {} of image {} {}", k, image_id, *fault);
-        }
-      }
+      if (Fault fault = Groups2DFault(image_id, image)) return fault;
     }
     for (const auto& [group3D_id, group] : model_.groups3D) {
       if (const Fault fault = Group3DFault(group))
@@ -384,7 +444,8 @@ class Inspector {
 }  // namespace
 
 std::optional<std::string> Reconstruction::FindInconsistency() const {
-  return Inspector(*this).Run();
+  if (Fault fault = Inspector(*this).Run()) return fault;
+  return associations_ ? associations_->FindDifference(*this) : std::nullopt;
 }
 
 }  // namespace holba

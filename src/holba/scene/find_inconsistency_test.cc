@@ -156,8 +156,8 @@ TEST(FindInconsistency, NamesEveryFault) {
        [](auto& m) { FirstObservation(m, ObservedGroup(m, "SPHERE")).line2D_idxs.push_back(0); }},
       {"is a PLANE without members",
        [](auto& m) {
-         ObservedGroup(m, "PLANE").point3D_ids.clear();
-         ObservedGroup(m, "PLANE").line3D_ids.clear();
+         FirstObservation(m, ObservedGroup(m, "PLANE")).point2D_idxs.clear();
+         FirstObservation(m, ObservedGroup(m, "PLANE")).line2D_idxs.clear();
        }},
       {"has no type", [](auto& m) { First(m.groups3D).type = nullptr; }},
       {"has point 2 twice among its members",

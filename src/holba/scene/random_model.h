@@ -17,6 +17,7 @@ namespace holba {
 struct RandomModelOptions {
   bool with_rigs = true;       // rig files, two cameras and an IMU in a rig
   bool with_structure = true;  // lines, groups, wireframe, relations
+  bool with_unregistered = true;  // images without a pose
   bool extreme_reals = true;   // some of -0, the least and the greatest numbers
 };
 
@@ -137,6 +138,18 @@ inline Reconstruction RandomModel(uint64_t seed, const RandomModelOptions& optio
     model.AddTrivialRigsAndFrames();
   }
 
+  if (options.with_unregistered) {
+    for (image_t image_id : {900, 901}) {
+      Image image{.name = "waits " + std::to_string(image_id), .camera_id = random_camera()};
+      for (size_t k = random.Index(4); k > 0; --k) image.points2D.push_back({.xy = {real(), real()}});
+      if (options.with_structure) {
+        image.lines2D.push_back({.segment = {{real(), real()}, {real(), real()}}});
+        image.groups2D.push_back({.type = FindGroupType("VP"), .line2D_idxs = {0}});
+      }
+      model.AddUnregisteredImage(image_id, std::move(image));
+    }
+  }
+
   // 2D features, then tracks that take each of them at most once; the last image has none.
   for (size_t i = 0; i + 1 < model.images.size(); ++i) {
     Image& image = (model.images.begin() + static_cast<long>(i))->second;
@@ -173,6 +186,7 @@ inline Reconstruction RandomModel(uint64_t seed, const RandomModelOptions& optio
         line.track.push_back({image_id, static_cast<line2D_t>(k)});
       }
     }
+    if (options.with_structure) point.origin = static_cast<PointOrigin>(i % 4);
     model.points3D.Add(id, point);
     if (options.with_structure) model.lines3D.Add(id, line);
   }

@@ -11,13 +11,6 @@ namespace {
 
 SensorId CameraSensor(camera_t camera_id) { return {SensorType::kCamera, camera_id}; }
 
-template <typename Id, typename T>
-Id FreshId(const IdMap<Id, T>& map) {
-  Id highest = 0;
-  for (const auto& [id, value] : map) highest = std::max(highest, id);
-  return highest + 1;
-}
-
 const Rigid3d& SensorPose(const Rig& rig, const SensorId& sensor) {
   static const Rigid3d kIdentity;
   if (rig.ref_sensor == sensor) return kIdentity;
@@ -34,28 +27,35 @@ const Rigid3d& SensorPose(const Rig& rig, const SensorId& sensor) {
 }  // namespace
 
 void Reconstruction::AddTrivialRigsAndFrames() {
-  for (auto& [image_id, image] : images) {
-    if (image.frame_id != kInvalidId32 && frames.contains(image.frame_id)) continue;
-    const SensorId sensor = CameraSensor(image.camera_id);
-    rig_t rig_id = image.camera_id;
-    const Rig* rig = rigs.Find(rig_id);
-    if (rig != nullptr && (rig->ref_sensor != sensor || !rig->sensors.empty())) {
-      // The camera's own id is taken by another rig: any rig of this camera alone will do.
-      const auto own = std::find_if(rigs.begin(), rigs.end(), [&](const auto& entry) {
-        return entry.second.ref_sensor == sensor && entry.second.sensors.empty();
-      });
-      rig_id = own != rigs.end() ? own->first : FreshId(rigs);
+  const auto add = [&](IdMap<image_t, Image>* of_images, IdMap<frame_t, Frame>* of_frames) {
+    for (auto& [image_id, image] : *of_images) {
+      if (image.frame_id != kInvalidId32 && of_frames->contains(image.frame_id)) continue;
+      const SensorId sensor = CameraSensor(image.camera_id);
+      rig_t rig_id = image.camera_id;
+      const Rig* rig = rigs.Find(rig_id);
+      if (rig != nullptr && (rig->ref_sensor != sensor || !rig->sensors.empty())) {
+        // The camera's own id is taken by another rig: any rig of this camera alone will do.
+        const auto own = std::find_if(rigs.begin(), rigs.end(), [&](const auto& entry) {
+          return entry.second.ref_sensor == sensor && entry.second.sensors.empty();
+        });
+        rig_id = own != rigs.end() ? own->first : rigs.NextId();
+      }
+      if (!rigs.contains(rig_id)) rigs.Add(rig_id, {.ref_sensor = sensor, .sensors = {}});
+      const bool is_taken = frames.contains(image_id) || unregistered_frames.contains(image_id);
+      image.frame_id = is_taken ? std::max(frames.NextId(), unregistered_frames.NextId()) : image_id;
+      of_frames->Add(image.frame_id, {.rig_id = rig_id,
+                                      .rig_from_world = image.cam_from_world,
+                                      .data = {{.sensor = sensor, .data_id = image_id}}});
     }
-    if (!rigs.contains(rig_id)) rigs.Add(rig_id, {.ref_sensor = sensor, .sensors = {}});
-    image.frame_id = frames.contains(image_id) ? FreshId(frames) : image_id;
-    frames.Add(image.frame_id, {.rig_id = rig_id,
-                                .rig_from_world = image.cam_from_world,
-                                .data = {{.sensor = sensor, .data_id = image_id}}});
-  }
+  };
+  add(&images, &frames);
+  add(&unregistered_images, &unregistered_frames);
 }
 
 const Rigid3d& Reconstruction::SensorFromRig(const Image& image) const {
-  return SensorPose(rigs.at(frames.at(image.frame_id).rig_id), CameraSensor(image.camera_id));
+  const Frame* frame = frames.Find(image.frame_id);
+  if (frame == nullptr) frame = &unregistered_frames.at(image.frame_id);
+  return SensorPose(rigs.at(frame->rig_id), CameraSensor(image.camera_id));
 }
 
 void Reconstruction::SetFramePose(frame_t frame_id, const Rigid3d& rig_from_world) {

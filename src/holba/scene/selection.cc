@@ -11,39 +11,17 @@ namespace holba {
 
 Reconstruction Select(Reconstruction part, const ModelSelection& selection) {
   if (selection.keep_point) {
-    part.points3D.RemoveIf(
+    part.DeletePoints3D(
         [&](point3D_t id, const Point3D& point) { return !selection.keep_point(id, point); });
   }
   if (selection.keep_line) {
-    part.lines3D.RemoveIf(
+    part.DeleteLines3D(
         [&](line3D_t id, const Line3D& line) { return !selection.keep_line(id, line); });
   }
   if (selection.keep_group) {
-    part.groups3D.RemoveIf(
+    part.DeleteGroups3D(
         [&](group3D_t id, const Group3D& group) { return !selection.keep_group(id, group); });
   }
-  for (auto& [image_id, image] : part.images) {
-    for (Point2D& point : image.points2D) {
-      if (!part.points3D.contains(point.point3D_id)) point.point3D_id = kNoId;
-    }
-    for (Line2D& line : image.lines2D) {
-      if (!part.lines3D.contains(line.line3D_id)) line.line3D_id = kNoId;
-    }
-    for (Group2D& group : image.groups2D) {
-      if (!part.groups3D.contains(group.group3D_id)) group.group3D_id = kNoId;
-    }
-  }
-  for (auto& [group_id, group] : part.groups3D) {
-    std::erase_if(group.point3D_ids, [&](point3D_t id) { return !part.points3D.contains(id); });
-    std::erase_if(group.line3D_ids, [&](line3D_t id) { return !part.lines3D.contains(id); });
-  }
-  std::erase_if(part.wireframe, [&](const WireframeEdge& edge) {
-    return !part.points3D.contains(edge.point3D_id) || !part.lines3D.contains(edge.line3D_id);
-  });
-  std::erase_if(part.relations, [&](const Relation& relation) {
-    return !part.groups3D.contains(relation.group3D_id1) ||
-           !part.groups3D.contains(relation.group3D_id2);
-  });
   return part;
 }
 
@@ -66,27 +44,46 @@ void CopyValues(const Reconstruction& part, Reconstruction* model) {
 }
 
 void RemoveStructure(Reconstruction* model) {
-  for (auto& [image_id, image] : model->images) {
-    image.lines2D.clear();
-    image.groups2D.clear();
+  model->DeleteGroups3D([](group3D_t, const Group3D&) { return true; });
+  model->DeleteEdges([](const WireframeEdge&) { return true; });
+  model->DeleteLines3D([](line3D_t, const Line3D&) { return true; });
+  RemovePointsOfStructure(model);
+  for (auto* images : {&model->images, &model->unregistered_images}) {
+    for (auto& [image_id, image] : *images) {
+      model->RemoveGroups2D(image_id, [](group2D_t) { return true; });
+      model->RemoveLines2D(image_id, [](line2D_t) { return true; });
+    }
   }
+  // Ids of structure that is built anew begin with 1.
   model->lines3D = {};
   model->groups3D = {};
-  model->wireframe.clear();
-  model->relations.clear();
+}
+
+void RemovePointsOfStructure(Reconstruction* model) {
+  const bool has_some = std::any_of(model->points3D.begin(), model->points3D.end(),
+                                    [](const auto& entry) { return IsOfStructure(entry.second.origin); });
+  if (!has_some) return;
+  for (auto& [image_id, image] : model->images) {
+    model->RemovePoints2D(image_id, [&model, &image = image](point2D_t idx) {
+      const point3D_t id = image.points2D[idx].point3D_id;
+      return id != kNoId && IsOfStructure(model->points3D.at(id).origin);
+    });
+  }
+  model->DeletePoints3D([](point3D_t, const Point3D& point) { return IsOfStructure(point.origin); });
 }
 
 void ObserveGroups(Reconstruction* model) {
   for (auto& [image_id, image] : model->images) {
-    std::erase_if(image.groups2D, [](const Group2D& group) { return group.group3D_id != kNoId; });
+    model->RemoveGroups2D(image_id, [&image = image](group2D_t idx) {
+      return image.groups2D[idx].group3D_id != kNoId;
+    });
   }
-  for (auto& [group_id, group] : model->groups3D) {
+  for (const auto& [group_id, group] : model->groups3D) {
     // By position in the list of images: their order decides that of the observations.
     std::map<size_t, Group2D> in_image;
-    const auto of = [&](image_t image_id) -> Group2D& {
+    const auto of = [&, type = group.type](image_t image_id) -> Group2D& {
       Group2D& group2D = in_image[model->images.IndexOf(image_id)];
-      group2D.type = group.type;
-      group2D.group3D_id = group_id;
+      group2D.type = type;
       return group2D;
     };
     for (point3D_t id : group.point3D_ids) {
@@ -97,7 +94,6 @@ void ObserveGroups(Reconstruction* model) {
       for (const LineObservation& o : model->lines3D.at(id).track)
         of(o.image_id).line2D_idxs.push_back(o.line2D_idx);
     }
-    group.observations.clear();
     for (auto& [position, group2D] : in_image) {
       const auto tidy = [](auto* idxs) {
         std::sort(idxs->begin(), idxs->end());
@@ -105,9 +101,9 @@ void ObserveGroups(Reconstruction* model) {
       };
       tidy(&group2D.point2D_idxs);
       tidy(&group2D.line2D_idxs);
-      auto& [image_id, image] = *(model->images.begin() + position);
-      group.observations.push_back({image_id, static_cast<group2D_t>(image.groups2D.size())});
-      image.groups2D.push_back(std::move(group2D));
+      const image_t image_id = model->images.begin()[position].first;
+      model->AddObservation(group_id,
+                            GroupObservation{image_id, model->AddGroup2D(image_id, std::move(group2D))});
     }
   }
 }

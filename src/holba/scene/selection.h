@@ -25,8 +25,12 @@ Reconstruction Select(Reconstruction part, const ModelSelection& selection);
 // into the model that it was taken from. Tracks, members and edges of the model stay as they are.
 void CopyValues(const Reconstruction& part, Reconstruction* model);
 
-// Removes all lines, groups, edges and relations, in 2D and 3D.
+// Removes all lines, groups, edges and relations, in 2D and 3D, and the points made from them.
 void RemoveStructure(Reconstruction* model);
+
+// Removes the points that were made from structure (IsOfStructure), with their observations: 2D points
+// that no photograph's detector has found, so that the images have their keypoints again.
+void RemovePointsOfStructure(Reconstruction* model);
 
 // Sets groups2D of all images from the members of the 3D groups: in each image that observes
 // members of a group, one 2D group with those of its features. 2D groups without a 3D group are

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "holba/scene/random_model.h"
 
 namespace holba {
@@ -64,10 +66,12 @@ TEST(Selection, ValuesComeBackToThoseThatWereChosenOnly) {
 
 TEST(Selection, NothingIsLeftOfRemovedStructure) {
   Reconstruction model = RandomModel(7, {});
-  const size_t num_points = model.points3D.size();
+  const auto num_points = std::count_if(model.points3D.begin(), model.points3D.end(), [](const auto& entry) {
+    return !IsOfStructure(entry.second.origin);
+  });
   RemoveStructure(&model);
   EXPECT_EQ(model.FindInconsistency(), std::nullopt);
-  EXPECT_EQ(model.points3D.size(), num_points);
+  EXPECT_EQ(static_cast<std::ptrdiff_t>(model.points3D.size()), num_points);
   EXPECT_TRUE(model.lines3D.empty() && model.groups3D.empty() && model.wireframe.empty() &&
               model.relations.empty());
   for (const auto& [id, image] : model.images)

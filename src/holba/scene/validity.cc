@@ -29,7 +29,6 @@ template <typename PointIndex, typename LineIndex>
 Fault FindMemberFault(const GroupType* type, const std::vector<PointIndex>& points,
                       const std::vector<LineIndex>& lines) {
   if (type == nullptr) return "has no type";
-  if (points.empty() && lines.empty()) return fmt::format("is a {} without members", type->name);
   if (!points.empty() && !type->TakesPoints()) {
     return fmt::format("is a {}, which takes no points, but has {} of them", type->name,
                        points.size());
@@ -93,6 +92,8 @@ Fault FindFault(const Line3D& line) {
 }
 
 Fault FindFault(const Group2D& group) {
+  if (group.type != nullptr && group.point2D_idxs.empty() && group.line2D_idxs.empty())
+    return fmt::format("is a {} without members", group.type->name);
   return FindMemberFault(group.type, group.point2D_idxs, group.line2D_idxs);
 }
 

@@ -23,7 +23,8 @@ Fault FindFault(const Point3D& point);
 Fault FindFault(const Line3D& line);
 // Members: at least one, of kinds that the type takes, none twice.
 Fault FindFault(const Group2D& group);
-// The same, and parameters that the type takes as a group.
+// Members of kinds that the type takes, none twice (there may be none: not yet), and parameters that the
+// type takes as a group.
 Fault FindFault(const Group3D& group);
 
 // "camera 3", "IMU 4".

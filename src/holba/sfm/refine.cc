@@ -170,16 +170,18 @@ class Refiner {
 
   // Takes associations that failed their tests out of the model.
   void Reject(const AssociationFilter& filter) {
-    for (auto& [id, group] : model_.groups3D) {
-      const std::string type(group.type->name);
-      report_.rejected[type + " points"] += std::erase_if(group.point3D_ids, [&](point3D_t p) {
-        return filter.points.contains({id, p});
-      });
-      report_.rejected[type + " lines"] += std::erase_if(group.line3D_ids, [&](line3D_t l) {
-        return filter.lines.contains({id, l});
-      });
-    }
-    report_.rejected["wireframe edges"] += std::erase_if(model_.wireframe, [&](const auto& edge) {
+    const auto rejects = [&](const char* kind, const Group3D& group, bool is_rejected) {
+      if (is_rejected) ++report_.rejected[std::string(group.type->name) + kind];
+      return is_rejected;
+    };
+    model_.DeleteMembers(
+        [&](group3D_t id, const Group3D& group, point3D_t p) {
+          return rejects(" points", group, filter.points.contains({id, p}));
+        },
+        [&](group3D_t id, const Group3D& group, line3D_t l) {
+          return rejects(" lines", group, filter.lines.contains({id, l}));
+        });
+    report_.rejected["wireframe edges"] += model_.DeleteEdges([&](const WireframeEdge& edge) {
       return filter.edges.contains({edge.point3D_id, edge.line3D_id});
     });
     if (filter.groups.empty()) return;
@@ -187,11 +189,7 @@ class Refiner {
       const Group3D* group = model_.groups3D.Find(id);
       if (group) ++report_.rejected[std::string(group->type->name) + " groups"];
     }
-    model_ =
-        Select(std::move(model_),
-               {.keep_point = {}, .keep_line = {}, .keep_group = [&](group3D_t id, const Group3D&) {
-                  return !filter.groups.contains(id);
-                }});
+    model_.DeleteGroups3D([&](group3D_t id, const Group3D&) { return filter.groups.contains(id); });
   }
 
   void FormGroupObservations() {

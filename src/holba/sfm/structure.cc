@@ -31,7 +31,7 @@ size_t RemovePlanesOnCurvedRegions(Reconstruction* model) {
                                      [&](point3D_t p) { return curved.contains(p); });
     if (2 * static_cast<size_t>(count) > group.point3D_ids.size()) planes.insert(id);
   }
-  RemoveGroups(planes, model);
+  model->DeleteGroups3D([&](group3D_t id, const Group3D&) { return planes.contains(id); });
   return planes.size();
 }
 

@@ -132,9 +132,9 @@ LineLabelReport LabelLines(const LineLabelOptions& options, Reconstruction* mode
   }
   std::vector<group3D_t> vp_ids;
   std::vector<Eigen::Vector3d> directions;
-  for (auto& [id, group] : model->groups3D) {
+  model->DeleteMembers({}, [](group3D_t, const Group3D& group, line3D_t) { return group.type->IsParallelism(); });
+  for (const auto& [id, group] : model->groups3D) {
     if (!group.type->IsParallelism()) continue;
-    group.line3D_ids.clear();
     vp_ids.push_back(id);
     directions.push_back(
         Eigen::Vector3d(group.params[0], group.params[1], group.params[2]).normalized());
@@ -171,7 +171,7 @@ LineLabelReport LabelLines(const LineLabelOptions& options, Reconstruction* mode
       ++report.dropped["line: leaves its segments along its vanishing point"];
       continue;
     }
-    model->groups3D.at(vp_ids[*best]).line3D_ids.push_back(line_id);
+    model->AddLineMember(vp_ids[*best], line_id);
     ++report.lines_of_vp[vp_ids[*best]];
     ++report.num_labelled_lines;
   }
@@ -185,15 +185,7 @@ LineLabelReport LabelLines(const LineLabelOptions& options, Reconstruction* mode
   report.num_removed_vps = removed.size();
   if (removed.empty()) return report;
   for (const group3D_t id : removed) report.lines_of_vp.erase(id);
-  model->groups3D.RemoveIf([&](group3D_t id, const Group3D&) { return removed.contains(id); });
-  std::erase_if(model->relations, [&](const Relation& relation) {
-    return removed.contains(relation.group3D_id1) || removed.contains(relation.group3D_id2);
-  });
-  for (auto& [image_id, image] : model->images) {
-    for (Group2D& group : image.groups2D) {
-      if (removed.contains(group.group3D_id)) group.group3D_id = kNoId;
-    }
-  }
+  model->DeleteGroups3D([&](group3D_t id, const Group3D&) { return removed.contains(id); });
   return report;
 }
 

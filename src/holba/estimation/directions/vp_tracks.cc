@@ -12,7 +12,6 @@
 
 #include "holba/base/check.h"
 #include "holba/estimation/directions/direction_fit.h"
-#include "holba/scene/group_ids.h"
 #include "holba/robust/median.h"
 #include "holba/scene/ideal_view.h"
 
@@ -347,7 +346,6 @@ VpTrackReport FormVanishingPoints(const VpTrackOptions& options, const ImageFeat
 
   const GroupType* const type = FindGroupType("VP");
   HOLBA_CHECK(type != nullptr);
-  const group3D_t first_new_id = NextGroup3DId(*model);
   size_t num_members = 0;
   for (const Track& track : tracks) {
     std::optional<group3D_t> id = FindVp(*model, track.direction, options.merge_deg);
@@ -356,12 +354,8 @@ VpTrackReport FormVanishingPoints(const VpTrackOptions& options, const ImageFeat
       continue;
     }
     if (!id) {
-      id = first_new_id + report.num_new_vps;
       ++report.num_new_vps;
-      Group3D group;
-      group.type = type;
-      group.params = {track.direction.x(), track.direction.y(), track.direction.z()};
-      model->groups3D.Add(*id, group);
+      id = model->AddGroup3D(*type, {track.direction.x(), track.direction.y(), track.direction.z()});
     }
     VpTrackReport::Track& entry = report.tracks[*id];
     for (const size_t k : track.nodes) entry.members.push_back(search.node(k).id);

@@ -103,37 +103,23 @@ MemberReport UpdateMembers(const MemberOptions& options, Reconstruction* model) 
       continue;
     }
     group.params = result.fit->FileParams(*group.type);
-    group.point3D_ids.clear();
-    group.line3D_ids.clear();
+    std::vector<point3D_t> point3D_ids;
+    std::vector<line3D_t> line3D_ids;
     for (size_t i = 0; i < known.points.size(); ++i) {
-      if (result.test.is_inlier[i]) group.point3D_ids.push_back(known.point_ids[i]);
+      if (result.test.is_inlier[i]) point3D_ids.push_back(known.point_ids[i]);
     }
     for (size_t i = 0; i < known.lines.size(); ++i) {
-      if (result.test.is_inlier[known.points.size() + i]) {
-        group.line3D_ids.push_back(known.line_ids[i]);
-      }
+      if (result.test.is_inlier[known.points.size() + i]) line3D_ids.push_back(known.line_ids[i]);
     }
+    model->SetMembers(id, std::move(point3D_ids), std::move(line3D_ids));
     count("point: beyond the limit", known.points.size() - group.point3D_ids.size());
     count("line: beyond the limit", known.lines.size() - group.line3D_ids.size());
     ++report.groups;
     report.points += group.point3D_ids.size();
     report.lines += group.line3D_ids.size();
   }
-  RemoveGroups(removed, model);
+  model->DeleteGroups3D([&](group3D_t id, const Group3D&) { return removed.contains(id); });
   return report;
-}
-
-void RemoveGroups(const std::set<group3D_t>& ids, Reconstruction* model) {
-  if (ids.empty()) return;
-  for (auto& [image_id, image] : model->images) {
-    for (Group2D& group : image.groups2D) {
-      if (group.group3D_id != kNoId && ids.contains(group.group3D_id)) group.group3D_id = kNoId;
-    }
-  }
-  std::erase_if(model->relations, [&ids](const Relation& relation) {
-    return ids.contains(relation.group3D_id1) || ids.contains(relation.group3D_id2);
-  });
-  model->groups3D.RemoveIf([&ids](group3D_t id, const Group3D&) { return ids.contains(id); });
 }
 
 void MemberOptions::Describe(OptionTable* table) {

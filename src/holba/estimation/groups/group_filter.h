@@ -55,7 +55,4 @@ const char* FaultOfSupport(const GroupType& type, size_t num_points, size_t num_
 // parameters refitted to those that stay. Features that the model no longer has are dropped.
 MemberReport UpdateMembers(const MemberOptions& options, Reconstruction* model);
 
-// Removes groups, their relations, and the references of their observations.
-void RemoveGroups(const std::set<group3D_t>& ids, Reconstruction* model);
-
 }  // namespace holba

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "holba/estimation/groups/group_estimation.h"
-#include "holba/scene/group_ids.h"
 #include "holba/robust/median.h"
 
 namespace holba {
@@ -63,7 +62,6 @@ class GroupFormer {
         regions_.push_back(std::move(region));
       }
     }
-    next_id_ = NextGroup3DId(model_);
   }
 
   GroupFormingReport Run(std::span<const GroupObservationPair> matches) {
@@ -137,33 +135,20 @@ class GroupFormer {
     return NumCommon(region.points, points) + NumCommon(region.lines, lines);
   }
 
-  void Observe(size_t r, group3D_t id, Group3D* group) {
-    InImage(r).group3D_id = id;
-    group->observations.push_back(regions_[r].place);
-  }
-
   // Free regions join the group of their type with which they share most, and bring it the features
   // that fit.
   void JoinKnown() {
-    std::unordered_map<point3D_t, std::vector<group3D_t>> by_point;
-    std::unordered_map<line3D_t, std::vector<group3D_t>> by_line;
-    for (const auto& [id, group] : model_.groups3D) {
-      for (const point3D_t point_id : group.point3D_ids) by_point[point_id].push_back(id);
-      for (const line3D_t line_id : group.line3D_ids) by_line[line_id].push_back(id);
-    }
     for (size_t r = 0; r < regions_.size(); ++r) {
       if (!IsFree(r)) continue;
       const Region& region = regions_[r];
       std::map<group3D_t, size_t> votes;
-      const auto vote = [&](const auto& index, uint64_t feature) {
-        const auto it = index.find(feature);
-        if (it == index.end()) return;
-        for (const group3D_t id : it->second) {
+      const auto vote = [&](std::span<const group3D_t> groups) {
+        for (const group3D_t id : groups) {
           if (model_.groups3D.at(id).type == region.type) ++votes[id];
         }
       };
-      for (const point3D_t id : region.points) vote(by_point, id);
-      for (const line3D_t id : region.lines) vote(by_line, id);
+      for (const point3D_t id : region.points) vote(model_.GroupsOfPoint(id));
+      for (const line3D_t id : region.lines) vote(model_.GroupsOfLine(id));
       group3D_t best = kNoId;
       size_t most = static_cast<size_t>(options_.min_shared_with_group) - 1;
       for (const auto& [id, count] : votes) {
@@ -172,7 +157,7 @@ class GroupFormer {
         best = id;
       }
       if (best == kNoId) continue;
-      Group3D& group = model_.groups3D.at(best);
+      const Group3D& group = model_.groups3D.at(best);
       double g[kMaxGroupParams];
       if (!region.type->from_file(group.params.data(), g)) continue;
       if (!AgreesWithNormal(r, *region.type, g)) {
@@ -187,22 +172,15 @@ class GroupFormer {
         ++report_.dropped[Name(r) + " region: most of it off its group"];
         continue;
       }
-      Observe(r, best, &group);
+      model_.AddObservation(best, regions_[r].place);
       ++report_.joined;
       const double limit = options_.members.fit.Limit(*region.type);
-      const auto bring = [&](uint64_t feature, double residual, auto* ids, auto* index) {
-        if (!(residual < limit)) return;
-        std::vector<group3D_t>& groups = (*index)[feature];
-        if (std::find(groups.begin(), groups.end(), best) != groups.end()) return;
-        groups.push_back(best);
-        ids->push_back(feature);
-      };
       for (size_t i = 0; i < features.points.size(); ++i) {
-        bring(features.point_ids[i], fit.residuals[i], &group.point3D_ids, &by_point);
+        if (fit.residuals[i] < limit) model_.AddPointMember(best, features.point_ids[i]);
       }
       for (size_t i = 0; i < features.lines.size(); ++i) {
-        bring(features.line_ids[i], fit.residuals[features.points.size() + i], &group.line3D_ids,
-              &by_line);
+        if (fit.residuals[features.points.size() + i] < limit)
+          model_.AddLineMember(best, features.line_ids[i]);
       }
     }
   }
@@ -290,23 +268,22 @@ class GroupFormer {
                                [&](line3D_t id) { return images_of(model_.lines3D.at(id).track); });
       const GroupFeatures features = lookup_.Find(type, points, lines);
       GroupFitOptions fit_options = options_.members.fit;
-      fit_options.seed += next_id_;
+      fit_options.seed += model_.groups3D.NextId();
       const std::optional<GroupFit> fit = FitGroup(type, features, fit_options);
       if (!fit) {
         ++report_.dropped[name + " group: no parameters fit"];
         continue;
       }
       const MemberTest test = TestMembers(type, fit->residuals, options_.members);
-      Group3D group{.type = &type, .params = fit->FileParams(type)};
+      std::vector<point3D_t> point3D_ids;
+      std::vector<line3D_t> line3D_ids;
       for (size_t i = 0; i < features.points.size(); ++i) {
-        if (test.is_inlier[i]) group.point3D_ids.push_back(features.point_ids[i]);
+        if (test.is_inlier[i]) point3D_ids.push_back(features.point_ids[i]);
       }
       for (size_t i = 0; i < features.lines.size(); ++i) {
-        if (test.is_inlier[features.points.size() + i]) {
-          group.line3D_ids.push_back(features.line_ids[i]);
-        }
+        if (test.is_inlier[features.points.size() + i]) line3D_ids.push_back(features.line_ids[i]);
       }
-      const char* fault = FaultOfSupport(type, group.point3D_ids.size(), group.line3D_ids.size(),
+      const char* fault = FaultOfSupport(type, point3D_ids.size(), line3D_ids.size(),
                                          features.size(), options_.members);
       if (fault) {
         ++report_.dropped[name + " group: " + fault];
@@ -322,8 +299,7 @@ class GroupFormer {
       }
       std::vector<size_t> observing;
       for (const size_t r : agreeing) {
-        if (2 * NumMembers(regions_[r], group.point3D_ids, group.line3D_ids) >=
-            regions_[r].size()) {
+        if (2 * NumMembers(regions_[r], point3D_ids, line3D_ids) >= regions_[r].size()) {
           observing.push_back(r);
         } else {
           ++report_.dropped[name + " region: most of it off its group"];
@@ -337,12 +313,12 @@ class GroupFormer {
       if (report_.dropped[name + " region: contradicts its normal"] == 0) {
         report_.dropped.erase(name + " region: contradicts its normal");
       }
-      const group3D_t id = next_id_++;
-      for (const size_t r : observing) Observe(r, id, &group);
+      const group3D_t id =
+          model_.AddGroup3D(type, fit->FileParams(type), std::move(point3D_ids), std::move(line3D_ids));
+      for (const size_t r : observing) model_.AddObservation(id, regions_[r].place);
       report_.joined += observing.size();
       ++report_.formed;
       ++report_.formed_by_type[name];
-      model_.groups3D.Add(id, std::move(group));
     }
   }
 
@@ -424,7 +400,7 @@ class GroupFormer {
           continue;
         }
         a.params = both->FileParams(*a.type);
-        Absorb(pair.first, pair.second);
+        model_.MergeGroups3D(pair.first, pair.second);
         ++report_.merged;
         // What had been refused may fit the new parameters.
         std::erase_if(refused, [&](const auto& other) {
@@ -436,33 +412,6 @@ class GroupFormer {
     }
   }
 
-  // Everything of group b becomes a's.
-  void Absorb(group3D_t a_id, group3D_t b_id) {
-    Group3D &a = model_.groups3D.at(a_id), &b = model_.groups3D.at(b_id);
-    const auto append = [](auto* to, const auto& from) {
-      std::set known(to->begin(), to->end());
-      for (const auto id : from) {
-        if (known.insert(id).second) to->push_back(id);
-      }
-    };
-    append(&a.point3D_ids, b.point3D_ids);
-    append(&a.line3D_ids, b.line3D_ids);
-    for (const GroupObservation& o : b.observations) {
-      model_.images.at(o.image_id).groups2D[o.group2D_idx].group3D_id = a_id;
-      a.observations.push_back(o);
-    }
-    b.observations.clear();
-    std::set<std::pair<group3D_t, group3D_t>> known;
-    std::erase_if(model_.relations, [&](Relation& relation) {
-      for (group3D_t* id : {&relation.group3D_id1, &relation.group3D_id2}) {
-        if (*id == b_id) *id = a_id;
-      }
-      return relation.group3D_id1 == relation.group3D_id2 ||
-             !known.insert(std::minmax(relation.group3D_id1, relation.group3D_id2)).second;
-    });
-    RemoveGroups({b_id}, &model_);
-  }
-
   const GroupFormingOptions& options_;
   const GroupNormals& normals_;
   Reconstruction& model_;
@@ -471,7 +420,6 @@ class GroupFormer {
   std::map<std::pair<image_t, group2D_t>, size_t> index_;
   std::map<std::pair<size_t, size_t>, size_t> shared_;
   std::set<std::pair<size_t, size_t>> matched_;
-  group3D_t next_id_ = 0;
   GroupFormingReport report_;
 };
 

@@ -14,7 +14,6 @@
 
 #include "holba/base/random.h"
 #include "holba/base/threads.h"
-#include "holba/scene/group_ids.h"
 #include "holba/robust/kd_tree.h"
 #include "holba/robust/median.h"
 #include "holba/estimation/points/point_uncertainty.h"
@@ -601,22 +600,19 @@ PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
   const std::vector<PlanePoint> kept = points;
   const std::vector<FoundPlane> planes =
       PlaneFinder(options, std::move(points), vp_normals, &report).Run();
-  group3D_t next_id = NextGroup3DId(*model);
   std::vector<double> residuals;
   for (const FoundPlane& plane : planes) {
-    Group3D group;
-    group.type = plane_type;
     const Eigen::Vector3d& n = plane.params.n;
-    group.params = {n.x(), n.y(), n.z(), plane.params.w - n.dot(centre)};
+    std::vector<point3D_t> members;
     for (uint32_t i : plane.members) {
-      group.point3D_ids.push_back(kept[i].id);
+      members.push_back(kept[i].id);
       residuals.push_back(std::abs(plane.params.Signed(kept[i].X)) / kept[i].gsd);
     }
     report.points_on_planes += plane.members.size();
     report.planes_along_vps += std::any_of(
         vp_normals.begin(), vp_normals.end(),
         [&n](const Eigen::Vector3d& v) { return AngleRad(n, v) < 3.0 * std::numbers::pi / 180.0; });
-    model->groups3D.Add(next_id++, std::move(group));
+    model->AddGroup3D(*plane_type, {n.x(), n.y(), n.z(), plane.params.w - n.dot(centre)}, std::move(members));
   }
   report.planes = planes.size();
   report.median_residual_px = Median(std::move(residuals));

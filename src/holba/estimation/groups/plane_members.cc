@@ -56,7 +56,8 @@ bool IsInside(const Polygon& hull, const Eigen::Vector2d& p) {
 
 // A plane and where its member points are.
 struct PlaneExtent {
-  Group3D* group = nullptr;
+  group3D_t id = kNoId;
+  const Group3D* group = nullptr;
   Eigen::Vector3d n = Eigen::Vector3d::UnitZ();
   double w = 0.0;
   Eigen::Matrix<double, 3, 2> basis;
@@ -74,12 +75,13 @@ struct PlaneExtent {
   }
 };
 
-std::vector<PlaneExtent> PlanesOf(Reconstruction* model) {
+std::vector<PlaneExtent> PlanesOf(const Reconstruction& model) {
   const GroupType* plane_type = FindGroupType("PLANE");
   std::vector<PlaneExtent> planes;
-  for (auto& [id, group] : model->groups3D) {
+  for (const auto& [id, group] : model.groups3D) {
     if (group.type != plane_type) continue;
     PlaneExtent plane;
+    plane.id = id;
     plane.group = &group;
     plane.n = Eigen::Vector3d(group.params[0], group.params[1], group.params[2]);
     plane.w = group.params[3];
@@ -87,7 +89,7 @@ std::vector<PlaneExtent> PlanesOf(Reconstruction* model) {
     std::vector<Eigen::Vector3d> members;
     Polygon flat;
     for (const point3D_t point_id : group.point3D_ids) {
-      const Point3D* point = model->points3D.Find(point_id);
+      const Point3D* point = model.points3D.Find(point_id);
       if (!point) continue;
       members.push_back(point->xyz);
       flat.push_back(plane.basis.transpose() * point->xyz);
@@ -146,31 +148,31 @@ std::unordered_map<Id, std::vector<bool>> MembersOf(const std::vector<PlaneExten
 }
 
 // Decides for each candidate on the verdicts of judge(candidate, plane, &distance), and adds it to
-// the planes that it is on.
-template <typename Id, typename Judge>
+// the planes that it is on by add(plane, candidate).
+template <typename Id, typename Judge, typename Add>
 PlaneMemberReport AddMembers(const std::vector<Id>& candidates, std::vector<Id> Group3D::*ids,
-                             int num_threads, const Judge& judge,
-                             std::vector<PlaneExtent>* planes) {
-  const auto members = MembersOf(*planes, ids);
-  const std::vector<bool> none(planes->size(), false);
+                             int num_threads, const std::vector<PlaneExtent>& planes, const Judge& judge,
+                             const Add& add) {
+  const auto members = MembersOf(planes, ids);
+  const std::vector<bool> none(planes.size(), false);
   std::vector<std::vector<Verdict>> verdicts(candidates.size());
   ParallelFor(num_threads, candidates.size(), [&](size_t begin, size_t end) {
-    std::vector<double> distances(planes->size());
+    std::vector<double> distances(planes.size());
     for (size_t i = begin; i < end; ++i) {
       const auto it = members.find(candidates[i]);
       const std::vector<bool>& is_member = it == members.end() ? none : it->second;
-      verdicts[i].assign(planes->size(), Verdict::kFar);
-      for (size_t p = 0; p < planes->size(); ++p) {
-        if (!is_member[p]) verdicts[i][p] = judge(i, (*planes)[p], &distances[p]);
+      verdicts[i].assign(planes.size(), Verdict::kFar);
+      for (size_t p = 0; p < planes.size(); ++p) {
+        if (!is_member[p]) verdicts[i][p] = judge(i, planes[p], &distances[p]);
       }
-      Choose(*planes, distances, is_member, &verdicts[i]);
+      Choose(planes, distances, is_member, &verdicts[i]);
     }
   });
   PlaneMemberReport report;
   std::unordered_set<Id> on_planes;
   for (const auto& [id, is_member] : members) on_planes.insert(id);
   for (size_t i = 0; i < candidates.size(); ++i) {
-    for (size_t p = 0; p < planes->size(); ++p) {
+    for (size_t p = 0; p < planes.size(); ++p) {
       switch (verdicts[i][p]) {
         case Verdict::kFar:
           break;
@@ -184,7 +186,7 @@ PlaneMemberReport AddMembers(const std::vector<Id>& candidates, std::vector<Id> 
           ++report.dropped["on a plane beside it"];
           break;
         case Verdict::kOn:
-          ((*planes)[p].group->*ids).push_back(candidates[i]);
+          add(planes[p].id, candidates[i]);
           on_planes.insert(candidates[i]);
           ++report.added;
           break;
@@ -225,9 +227,9 @@ PlaneMemberReport AddLinesToPlanes(const PlaneMemberOptions& options, Reconstruc
     }
     return Verdict::kOn;
   };
-  std::vector<PlaneExtent> planes = PlanesOf(model);
   PlaneMemberReport report =
-      AddMembers(candidates, &Group3D::line3D_ids, options.num_threads, judge, &planes);
+      AddMembers(candidates, &Group3D::line3D_ids, options.num_threads, PlanesOf(*model), judge,
+                 [&](group3D_t plane, line3D_t id) { model->AddLineMember(plane, id); });
   if (few_images > 0) report.dropped["few images"] = few_images;
   return report;
 }
@@ -258,8 +260,8 @@ PlaneMemberReport AddPointsToPlanes(const PlaneMemberOptions& options,
     return plane.IsNearMembers(X, options.max_neighbour_px * geometries[i]->gsd) ? Verdict::kOn
                                                                                  : Verdict::kApart;
   };
-  std::vector<PlaneExtent> planes = PlanesOf(model);
-  return AddMembers(candidates, &Group3D::point3D_ids, options.num_threads, judge, &planes);
+  return AddMembers(candidates, &Group3D::point3D_ids, options.num_threads, PlanesOf(*model), judge,
+                    [&](group3D_t plane, point3D_t id) { model->AddPointMember(plane, id); });
 }
 
 void PlaneMemberOptions::Describe(OptionTable* table) {

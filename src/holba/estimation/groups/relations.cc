@@ -129,7 +129,7 @@ RelationReport FormRelations(const RelationOptions& options, Reconstruction* mod
         continue;
       }
       const RelationType type = is_parallel ? RelationType::kParallel : RelationType::kOrthogonal;
-      model->relations.push_back({a.id, b.id, type});
+      model->AddRelation({a.id, b.id, type});
       const auto names = std::minmax(a.type->name, b.type->name);
       ++report.formed[std::string(names.first) + "-" + std::string(names.second) +
                       (is_parallel ? " parallel" : " orthogonal")];

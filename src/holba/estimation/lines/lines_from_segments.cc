@@ -11,16 +11,15 @@ namespace holba {
 namespace {
 
 void SetSegments(const ImageFeatureMap& features, Reconstruction* model) {
+  model->DeleteLines3D([](line3D_t, const Line3D&) { return true; });
+  // Their ids begin with 1 again.
+  model->lines3D = {};
   for (auto& [image_id, image] : model->images) {
-    image.lines2D.clear();
+    model->RemoveLines2D(image_id, [](line2D_t) { return true; });
     const auto found = features.find(image_id);
     if (found == features.end()) continue;
-    for (const LineSegment2d& segment : found->second.segments)
-      image.lines2D.push_back({segment, kNoId});
+    for (const LineSegment2d& segment : found->second.segments) model->AddLine2D(image_id, segment);
   }
-  model->lines3D = {};
-  model->wireframe.clear();
-  for (auto& [id, group] : model->groups3D) group.line3D_ids.clear();
 }
 
 }  // namespace
@@ -58,22 +57,17 @@ LineReport BuildLines(const LineOptions& options, const ImageFeatureMap& feature
   for (const auto& [reason, count] : track_counts.dropped) report.dropped[reason] += count;
 
   std::vector<double> errors_px;
-  line3D_t next_id = 1;
   for (const LineTrack& track : tracks) {
-    const line3D_t id = next_id++;
-    Line3D line;
-    line.line = track.line.Pluecker();
-    line.start = track.Start();
-    line.end = track.End();
+    std::vector<LineObservation> observations;
     std::vector<LineSupport> supports;
     for (const SegmentKey& key : track.members) {
       const SceneView& view = scene.views[key.view];
       const line2D_t idx = view.segments[key.segment].line2D_idx;
-      line.track.push_back({view.image_id, idx});
-      model->images.at(view.image_id).lines2D[idx].line3D_id = id;
+      observations.push_back({view.image_id, idx});
       supports.push_back(view.supports[key.segment]);
     }
-    line.error = track.rms_px;
+    const line3D_t id = model->AddLine3D(track.line.Pluecker(), track.Start(), track.End(), observations);
+    model->lines3D.at(id).error = track.rms_px;
     errors_px.push_back(track.rms_px);
     const auto uncertainty = UncertaintyOfFit(supports, LinePrior(), options.sigma_px, track.line,
                                               track.t_start, track.t_end);
@@ -86,7 +80,6 @@ LineReport BuildLines(const LineOptions& options, const ImageFeatureMap& feature
     report.num_observations += track.members.size();
     if (track.direction >= 0) report.vp_of_line[id] = scene.direction_ids[track.direction];
     if (track.plane >= 0) report.plane_of_line[id] = scene.planes[track.plane].id;
-    model->lines3D.Add(id, std::move(line));
   }
   if (!errors_px.empty()) {
     const size_t middle = errors_px.size() / 2;

@@ -275,29 +275,17 @@ std::optional<double> MeanReprojectionErrorPx(const Reconstruction& model, const
   return sum / static_cast<double>(count);
 }
 
-point3D_t NextPoint3DId(const Reconstruction& model) {
-  point3D_t next = 1;
-  for (const auto& [id, point] : model.points3D) next = std::max(next, id + 1);
-  return next;
-}
-
-void AppendObservation(image_t image_id, const Eigen::Vector2d& pixel, point3D_t point3D_id,
-                       Reconstruction* model) {
-  std::vector<Point2D>& points2D = model->images.at(image_id).points2D;
-  points2D.push_back({pixel, point3D_id});
-  model->points3D.at(point3D_id)
-      .track.push_back({image_id, static_cast<point2D_t>(points2D.size() - 1)});
-}
-
-void AddPoint3D(point3D_t point3D_id, const Eigen::Vector3d& xyz, const std::array<uint8_t, 3>& rgb,
-                std::span<const std::pair<image_t, Eigen::Vector2d>> observations,
-                Reconstruction* model) {
-  HOLBA_CHECK(model->points3D.Add(point3D_id, {.xyz = xyz, .rgb = rgb}));
-  for (const auto& [image_id, pixel] : observations) {
-    AppendObservation(image_id, pixel, point3D_id, model);
-  }
-  Point3D& point = model->points3D.at(point3D_id);
+point3D_t AddPointOfStructure(const Eigen::Vector3d& xyz, PointOrigin origin,
+                              const std::array<uint8_t, 3>& rgb,
+                              std::span<const std::pair<image_t, Eigen::Vector2d>> observations,
+                              Reconstruction* model) {
+  std::vector<PointObservation> track;
+  for (const auto& [image_id, pixel] : observations)
+    track.push_back({image_id, model->AddPoint2D(image_id, pixel)});
+  const point3D_t id = model->AddPoint3D(xyz, track, origin, rgb);
+  Point3D& point = model->points3D.at(id);
   point.error = MeanReprojectionErrorPx(*model, point).value_or(-1.0);
+  return id;
 }
 
 }  // namespace holba

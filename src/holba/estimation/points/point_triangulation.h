@@ -72,16 +72,10 @@ std::vector<IdealView> AllIdealViews(const Reconstruction& model);
 // (what Point3D::error holds). Empty: no observation has a projection.
 std::optional<double> MeanReprojectionErrorPx(const Reconstruction& model, const Point3D& point);
 
-// One more than the greatest id of a point.
-point3D_t NextPoint3DId(const Reconstruction& model);
-
-// A new observation of an existing point: appended to the image's points2D and to the track.
-void AppendObservation(image_t image_id, const Eigen::Vector2d& pixel, point3D_t point3D_id,
-                       Reconstruction* model);
-
-// A new point with observations of its own (image, pixel), its error set.
-void AddPoint3D(point3D_t point3D_id, const Eigen::Vector3d& xyz, const std::array<uint8_t, 3>& rgb,
-                std::span<const std::pair<image_t, Eigen::Vector2d>> observations,
-                Reconstruction* model);
+// A new point with 2D points of its own (image, pixel), its error set. Returns its id.
+point3D_t AddPointOfStructure(const Eigen::Vector3d& xyz, PointOrigin origin,
+                              const std::array<uint8_t, 3>& rgb,
+                              std::span<const std::pair<image_t, Eigen::Vector2d>> observations,
+                              Reconstruction* model);
 
 }  // namespace holba

@@ -129,7 +129,7 @@ TEST_F(PointTriangulationTest, NewPointsAreConsistentWithTheirImagesInPixelsOfTh
   EXPECT_EQ(id, 1u);
   EXPECT_EQ(model_.points3D.at(id).track.size(), 4u);
   EXPECT_LT(model_.points3D.at(id).error, 1e-9);
-  EXPECT_EQ(NextPoint3DId(model_), 2u);
+  EXPECT_EQ(model_.points3D.NextId(), 2u);
   // One of four observations 2 px off: 0.5 px in the mean.
   model_.images.at(2).points2D[0].xy.x() += 2.0;
   EXPECT_NEAR(*MeanReprojectionErrorPx(model_, model_.points3D.at(id)), 0.5, 1e-9);

@@ -84,9 +84,7 @@ inline point3D_t AddPointWithObservations(const Eigen::Vector3d& xyz, Reconstruc
     HOLBA_CHECK(ideal.has_value());
     observations.emplace_back(image_id, view.ToPixel(*ideal).value());
   }
-  const point3D_t id = NextPoint3DId(*model);
-  AddPoint3D(id, xyz, {0, 0, 0}, observations, model);
-  return id;
+  return AddPointOfStructure(xyz, PointOrigin::kDetected, {0, 0, 0}, observations, model);
 }
 
 inline std::vector<Eigen::Vector3d> BoxCorners() {

@@ -279,9 +279,8 @@ class CornerTriangulator {
         ++report_.dropped["observations far from their point"];
       }
     }
-    if (report_.point3D_ids.empty()) next_id_ = NextPoint3DId(*model_);
-    AddPoint3D(next_id_, point.xyz, {0, 0, 0}, observations, model_);
-    report_.point3D_ids.push_back(next_id_++);
+    report_.point3D_ids.push_back(
+        AddPointOfStructure(point.xyz, PointOrigin::kCorner, {0, 0, 0}, observations, model_));
     report_.num_observations += observations.size();
   }
 
@@ -301,7 +300,8 @@ class CornerTriangulator {
         ++report_.dropped["observations far from their junction"];
         continue;
       }
-      AppendObservation(image_id, Pixel(track[k]), junction, model_);
+      model_->AddObservation(junction,
+                             PointObservation{image_id, model_->AddPoint2D(image_id, Pixel(track[k]))});
       ++report_.num_junction_observations;
       extended_.push_back(junction);
     }
@@ -344,7 +344,6 @@ class CornerTriangulator {
   std::vector<std::optional<DepthRange>> depths_;
   std::vector<std::vector<JunctionView>> junctions_;
   std::vector<point3D_t> extended_;  // junctions with new observations
-  point3D_t next_id_ = 0;
   CornerTrackReport report_;
 };
 

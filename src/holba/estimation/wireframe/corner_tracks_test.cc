@@ -43,7 +43,7 @@ struct CornerScene {
       descriptors.push_back(RandomDescriptor(random));
     }
     for (double z : {-1.5, 0.0, 1.5}) AddPointWithObservations({0.1, 0.2, z}, &model);
-    first_new_id = NextPoint3DId(model);
+    first_new_id = model.points3D.NextId();
     for (const auto& [image_id, image] : model.images) {
       const IdealView view(model, image_id);
       std::vector<std::pair<Eigen::Vector2d, std::vector<uint8_t>>> corners;

@@ -161,11 +161,9 @@ class JunctionFinder {
   }
 
   void AddTo(Reconstruction* model, JunctionReport* report) const {
-    point3D_t next_id = NextPoint3DId(*model);
     for (const auto& found : found_) {
       if (!found) continue;
-      Junction junction{.point3D_id = next_id++,
-                        .num_images = found->observations.size(),
+      Junction junction{.num_images = found->observations.size(),
                         .is_uncertain = found->is_uncertain};
       Eigen::Vector3d rgb = Eigen::Vector3d::Zero();
       for (uint32_t line : found->lines) {
@@ -175,8 +173,8 @@ class JunctionFinder {
       }
       std::sort(junction.line3D_ids.begin(), junction.line3D_ids.end());
       rgb /= static_cast<double>(found->lines.size());
-      AddPoint3D(
-          junction.point3D_id, found->xyz,
+      junction.point3D_id = AddPointOfStructure(
+          found->xyz, PointOrigin::kJunction,
           {static_cast<uint8_t>(std::lround(rgb.x())), static_cast<uint8_t>(std::lround(rgb.y())),
            static_cast<uint8_t>(std::lround(rgb.z()))},
           found->observations, model);

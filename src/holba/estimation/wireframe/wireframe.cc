@@ -47,7 +47,7 @@ class WireframeFormer {
                     [&](const Meeting& a, const Meeting& b) { return key(a) == key(b); }),
         meetings.end());
 
-    model_->wireframe.clear();
+    model_->DeleteEdges([](const WireframeEdge&) { return true; });
     for (size_t begin = 0, end = 0; begin < meetings.size(); begin = end) {
       while (end < meetings.size() && meetings[end].point == meetings[begin].point &&
              meetings[end].line == meetings[begin].line) {
@@ -57,9 +57,8 @@ class WireframeFormer {
         ++report_.dropped[reason];
         continue;
       }
-      model_->wireframe.push_back({model_->points3D.begin()[meetings[begin].point].first,
-                                   model_->lines3D.begin()[meetings[begin].line].first,
-                                   end - begin});
+      model_->AddEdge({model_->points3D.begin()[meetings[begin].point].first,
+                       model_->lines3D.begin()[meetings[begin].line].first, end - begin});
     }
     Count();
     return std::move(report_);

@@ -100,7 +100,7 @@ TEST_F(OneLine, AndAPointInFrontOfItAreNone) {
   for (image_t id = 1; id <= 4; ++id) {
     observations.emplace_back(id, *IdealView(model_, id).Project(OnLine(0.5)));
   }
-  AddPoint3D(1, nearer, {0, 0, 0}, observations, &model_);
+  AddPointOfStructure(nearer, PointOrigin::kDetected, {0, 0, 0}, observations, &model_);
   const WireframeReport report = Run();
   EXPECT_THAT(report.dropped, ElementsAre(Pair("apart in space", 1u)));
   EXPECT_TRUE(model_.wireframe.empty());
