@@ -27,7 +27,8 @@ void AddCounts(const std::map<std::string, size_t>& counts, std::map<std::string
 }
 
 uint64_t HashOf(const ImportedSegments& imported) {
-  uint64_t hash = HashBytes(imported.descriptors.data(), imported.descriptors.size() * sizeof(float));
+  uint64_t hash =
+      HashBytes(imported.descriptors.data(), imported.descriptors.size() * sizeof(float));
   for (const LineSegment2d& s : imported.segments) {
     const double values[4] = {s.start.x(), s.start.y(), s.end.x(), s.end.y()};
     hash = HashBytes(values, sizeof(values), hash);

@@ -38,7 +38,8 @@ TEST_F(PointTriangulationTest, ExactObservationsGiveThePoint) {
     EXPECT_LT((point->xyz - X).norm(), 1e-9);
     EXPECT_EQ(point->num_inliers, seen_.size());
     EXPECT_LT(point->rms_error_px, 1e-7);
-    const Eigen::Vector3d first = X - views_.begin()->centre(), last = X - views_[views_.size() - 1].centre();
+    const Eigen::Vector3d first = X - views_[0].centre();
+    const Eigen::Vector3d last = X - views_[views_.size() - 1].centre();
     EXPECT_NEAR(point->max_angle_rad, std::acos(first.normalized().dot(last.normalized())), 0.05);
   }
 }
