@@ -7,10 +7,6 @@
 #include <string>
 
 #include "apps/command.h"
-#include "apps/refine/colours.h"
-#include "apps/refine/detection.h"
-#include "apps/refine/output.h"
-#include "apps/refine/regions.h"
 #include "apps/refine/report.h"
 #include "holba/base/error.h"
 #include "holba/base/log.h"
@@ -20,6 +16,11 @@
 #include "holba/io/database.h"
 #include "holba/io/model_io.h"
 #include "holba/io/uncertainty_file.h"
+#include "holba/pipeline/colours.h"
+#include "holba/pipeline/detection.h"
+#include "holba/pipeline/match_lines.h"
+#include "holba/pipeline/output.h"
+#include "holba/pipeline/regions.h"
 
 namespace holba {
 namespace {
@@ -46,12 +47,25 @@ class RefineJob : public Job {
                  "Whether covariances of poses, points, lines and groups are written to "
                  "covariances.txt.");
     detection_.Describe(table);
+    matching_.Describe(table);
     regions_.Describe(table);
     refine_.Describe(table);
   }
 
   void Run(const Invocation& invocation) override {
     const Timer timer;
+    Reconstruction model = Read();
+    RefineOutput output;
+    Refine(&model, &output);
+    Write(model, &output);
+    output.total_seconds = timer.Seconds();
+    PrintResult(invocation.json ? RefineToJson(output, model).dump(2) + "\n"
+                                : RefineToText(output, model));
+  }
+
+ private:
+  // Throws InputError for what cannot be refined, before anything is computed or written.
+  Reconstruction Read() const {
     if (!std::filesystem::is_directory(image_path_))
       throw InputError(image_path_, "there is no such folder (--image_path)");
     detection_.imports.Check();
@@ -66,55 +80,63 @@ class RefineJob : public Job {
                        "this model has no images or no points; structure is built on poses and "
                        "points: triangulate first (colmap point_triangulator)");
     }
-    detection_.num_threads = refine_.num_threads = refine_.solver.num_threads;
-    refine_.structure.SetNumThreads(refine_.num_threads);
+    return model;
+  }
 
-    RefineOutput output;
+  void Refine(Reconstruction* model, RefineOutput* output) {
+    const int num_threads = refine_.solver.num_threads;
+    detection_.num_threads = matching_.num_threads = refine_.num_threads = num_threads;
+    refine_.structure.SetNumThreads(num_threads);
+
     const std::filesystem::path database_path =
         database_path_.empty() ? std::filesystem::path(output_path_) / "database.db"
                                : std::filesystem::path(database_path_);
     Database database(database_path);
-    const std::map<image_t, image_t> database_id = database.MatchImages(model);
+    const std::map<image_t, image_t> database_id = database.MatchImages(*model);
     std::map<image_t, ImportedSegments> imported;
-    const ImageFeatureMap features = DetectFeatures(detection_, image_path_, model, database_id,
-                                                    &database, &imported, &output.detection);
-    LogInfo("{}", DetectionText(output.detection, database_path));
+    const ImageFeatureMap features = DetectFeatures(detection_, image_path_, *model, database_id,
+                                                    &database, &imported, &output->detection);
+    LogInfo("{}", DetectionText(output->detection, database_path));
 
     LineMatchMap matches;
     const auto match_lines = [&](const Reconstruction& posed) {
-      matches = MatchLines(detection_, posed, features, database_id, imported, &database,
-                           &output.detection);
-      LogInfo("{}", MatchingText(output.detection));
+      matches = MatchLines(matching_, detection_.imports.line_matches, posed, features, database_id,
+                           imported, &database, &output->matching);
+      LogInfo("{}", MatchingText(output->matching));
       return matches;
     };
     RegionObserver observe_regions;
     if (!detection_.imports.labels.empty()) {
       observe_regions = [&](Reconstruction* with_lines) {
         return ObserveRegions(regions_, detection_.imports.correspondences, features, matches,
-                              with_lines, &output.regions);
+                              with_lines, &output->regions);
       };
     }
-    output.refine = RefineModel(refine_, features, match_lines, observe_regions, &model,
-                                [](const std::string& text) { LogInfo("{}", text); });
-    if (model.lines3D.empty()) {
+    output->refine = RefineModel(refine_, features, match_lines, observe_regions, model,
+                                 [](const std::string& text) { LogInfo("{}", text); });
+    if (model->lines3D.empty()) {
       LogWarning(
           "No 3D lines were found; the report says at which step they were lost (a line needs {} "
           "images)",
           refine_.structure.lines.min_images);
     }
-    output.leave_one_out = LeaveOneOut(model, 4, refine_.num_threads);
+    output->leave_one_out = LeaveOneOut(*model, 4, num_threads);
 
-    const Timer write_timer;
-    std::vector<point3D_t> made;
-    for (point3D_t id : output.refine.structure.corners.point3D_ids) made.push_back(id);
-    for (const Junction& junction : output.refine.structure.junctions.junctions)
+    const Timer colour_timer;
+    std::vector<point3D_t> made = output->refine.structure.corners.point3D_ids;
+    for (const Junction& junction : output->refine.structure.junctions.junctions)
       made.push_back(junction.point3D_id);
-    ColourFeatures(image_path_, made, refine_.num_threads, &model);
+    ColourFeatures(image_path_, made, num_threads, model);
+    output->write_seconds = colour_timer.Seconds();
+  }
+
+  void Write(const Reconstruction& model, RefineOutput* output) const {
+    const Timer timer;
     WriteModel(model, output_path_, format_);
     WriteStructurePly(model, output_path_);
     if (covariances_) {
       const auto uncertainty =
-          EstimateUncertainty(model, output.refine.stage1_options, output.refine.stage1);
+          EstimateUncertainty(model, output->refine.stage1_options, output->refine.stage1);
       if (uncertainty) {
         WriteUncertainty(*uncertainty, std::filesystem::path(output_path_) / "covariances.txt");
       } else {
@@ -124,18 +146,15 @@ class RefineJob : public Job {
       }
     }
     WritePictures(model, image_path_, output_path_, num_pictures_, refine_.num_threads);
-    output.write_seconds = write_timer.Seconds();
-    output.total_seconds = timer.Seconds();
-    PrintResult(invocation.json ? RefineToJson(output, model).dump(2) + "\n"
-                                : RefineToText(output, model));
+    output->write_seconds += timer.Seconds();
   }
 
- private:
   std::string image_path_, input_path_, output_path_, database_path_;
   ModelFormat format_ = ModelFormat::kBinary;
   int num_pictures_ = 4;
   bool covariances_ = false;
   DetectionOptions detection_;
+  MatchLinesOptions matching_;
   RegionOptions regions_;
   RefineOptions refine_;
 };

@@ -60,7 +60,9 @@ std::map<std::string, std::map<std::string, size_t>> Refusals(const RefineOutput
       if (count) refusals[step][reason] = count;
     }
   };
-  add("import", output.detection.dropped);
+  std::map<std::string, size_t> imports = output.detection.dropped;
+  for (const auto& [reason, count] : output.matching.dropped) imports[reason] += count;
+  add("import", imports);
   add("vanishing points", s.vps.dropped);
   add("planes", s.planes.dropped);
   add("planes among corners and junctions", s.small_planes.dropped);
@@ -86,6 +88,7 @@ json RefineToJson(const RefineOutput& output, const Reconstruction& model) {
   const ModelCounts counts = Count(output, model);
   const StructureReport& s = output.refine.structure;
   const DetectionReport& d = output.detection;
+  const MatchLinesReport& m = output.matching;
   json proposals = json::object();
   for (int kind = 0; kind < kNumProposalKinds; ++kind) {
     proposals[std::string(kProposalNames[kind])] = {{"made", s.lines.proposals[kind]},
@@ -95,12 +98,12 @@ json RefineToJson(const RefineOutput& output, const Reconstruction& model) {
           {"database",
            {{"images_reused", d.images_reused},
             {"images_detected", d.num_images - d.images_reused},
-            {"pairs_reused", d.pairs_reused},
-            {"pairs_matched", d.num_pairs - d.pairs_reused}}},
+            {"pairs_reused", m.pairs_reused},
+            {"pairs_matched", m.num_pairs - m.pairs_reused}}},
           {"segments", d.num_segments},
           {"image_vanishing_points", d.num_vanishing_points},
           {"image_corners", d.num_corners},
-          {"line_matches", d.num_line_matches},
+          {"line_matches", m.num_line_matches},
           {"regions",
            {{"labelled", d.num_labelled_regions},
             {"groups2D", output.regions.num_groups2D},
@@ -129,7 +132,7 @@ json RefineToJson(const RefineOutput& output, const Reconstruction& model) {
           {"stage2", SummaryToJson(output.refine.stage2)},
           {"seconds",
            {{"detect", d.detect_seconds},
-            {"match", d.match_seconds},
+            {"match", m.match_seconds},
             {"structure", output.refine.structure_seconds},
             {"structure_steps", s.seconds},
             {"adjust", output.refine.adjust_seconds},
@@ -174,28 +177,9 @@ std::string RefineToText(const RefineOutput& output, const Reconstruction& model
           SummaryToText(output.refine.stage1);
   text += fmt::format(
       "\n{:.1f} s: detect {:.1f}, match {:.1f}, structure {:.1f}, adjust {:.1f}, write {:.1f}\n",
-      output.total_seconds, output.detection.detect_seconds, output.detection.match_seconds,
+      output.total_seconds, output.detection.detect_seconds, output.matching.match_seconds,
       output.refine.structure_seconds, output.refine.adjust_seconds, output.write_seconds);
   return text;
-}
-
-std::string DetectionText(const DetectionReport& report, const std::filesystem::path& database) {
-  return fmt::format(
-      "{} images: {} segments, {} vanishing points, {} corners ({} images from {}, {} detected), "
-      "{:.1f} s",
-      report.num_images, report.num_segments, report.num_vanishing_points, report.num_corners,
-      report.images_reused, database.string(), report.num_images - report.images_reused,
-      report.detect_seconds);
-}
-
-std::string MatchingText(const DetectionReport& report) {
-  const std::string origin =
-      report.matches_imported
-          ? "imported"
-          : fmt::format("{} pairs from the database, {} matched", report.pairs_reused,
-                        report.num_pairs - report.pairs_reused);
-  return fmt::format("{} pairs of images: {} matches of segments ({}), {:.1f} s", report.num_pairs,
-                     report.num_line_matches, origin, report.match_seconds);
 }
 
 }  // namespace holba

@@ -3,19 +3,20 @@
 // how long it took.
 #pragma once
 
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "apps/refine/detection.h"
-#include "apps/refine/regions.h"
 #include "holba/estimation/lines/line_leave_one_out.h"
+#include "holba/pipeline/detection.h"
+#include "holba/pipeline/match_lines.h"
+#include "holba/pipeline/regions.h"
 #include "holba/sfm/refine.h"
 
 namespace holba {
 
 struct RefineOutput {
   DetectionReport detection;
+  MatchLinesReport matching;
   RegionReport regions;
   RefineReport refine;
   LeaveOneOutReport leave_one_out;
@@ -24,9 +25,5 @@ struct RefineOutput {
 
 nlohmann::json RefineToJson(const RefineOutput& output, const Reconstruction& model);
 std::string RefineToText(const RefineOutput& output, const Reconstruction& model);
-
-// One line each, for the log.
-std::string DetectionText(const DetectionReport& report, const std::filesystem::path& database);
-std::string MatchingText(const DetectionReport& report);
 
 }  // namespace holba

@@ -11,7 +11,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -20,9 +19,10 @@
 #include <utility>
 #include <vector>
 
-#include "holba/geometry/rigid3d.h"
 #include "holba/scene/image_features.h"
+#include "holba/scene/keypoints.h"
 #include "holba/scene/reconstruction.h"
+#include "holba/scene/two_view_geometry.h"
 
 struct sqlite3;
 
@@ -39,52 +39,6 @@ struct DatabaseCamera {
 struct DatabaseImage {
   std::string name;
   camera_t camera_id = kInvalidId32;
-};
-
-struct Keypoints {
-  // 2: x y; 4: x y scale orientation; 6: x y a11 a12 a21 a22.
-  int num_cols = 2;
-  std::vector<float> data;  // row by row
-
-  size_t size() const { return data.size() / num_cols; }
-  Eigen::Vector2d Position(size_t idx) const {
-    return {data[idx * num_cols], data[idx * num_cols + 1]};
-  }
-};
-
-struct Descriptors {
-  int type = 0;         // COLMAP's: -1 undefined, 0 SIFT, 1 and 2 ALIKED
-  int num_bytes = 128;  // of each
-  std::vector<uint8_t> data;
-
-  size_t size() const { return data.size() / num_bytes; }
-};
-
-// Indices of keypoints in the first and in the second image.
-using PointMatches = std::vector<std::array<point2D_t, 2>>;
-
-// COLMAP's numbers.
-enum class TwoViewConfig : int {
-  kUndefined = 0,
-  kDegenerate = 1,
-  kCalibrated = 2,
-  kUncalibrated = 3,
-  kPlanar = 4,
-  kPanoramic = 5,
-  kPlanarOrPanoramic = 6,
-  kWatermark = 7,
-  kMultiple = 8,
-  kCalibratedRig = 9,
-};
-
-struct TwoViewGeometry {
-  TwoViewConfig config = TwoViewConfig::kUndefined;
-  std::optional<Eigen::Matrix3d> F, E, H;  // x2' F x1 = 0, x2 ~ H x1
-  std::optional<Rigid3d> cam2_from_cam1;   // translation up to scale
-  PointMatches inlier_matches;
-
-  // The same with the images' roles exchanged. An H without inverse is left out.
-  TwoViewGeometry Swapped() const;
 };
 
 struct ImageCorners {
@@ -137,6 +91,7 @@ class Database {
 
   // Empty: there is no such row. A write replaces what was there.
   std::optional<Keypoints> ReadKeypoints(image_t image_id) const;
+  std::optional<size_t> NumKeypoints(image_t image_id) const;
   void WriteKeypoints(image_t image_id, const Keypoints& keypoints);
   std::optional<Descriptors> ReadDescriptors(image_t image_id) const;
   void WriteDescriptors(image_t image_id, const Descriptors& descriptors);

@@ -2,7 +2,6 @@
 // COLMAP's own tables of a Database.
 #include <fmt/ranges.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 
@@ -28,11 +27,6 @@ std::string PairKey(image_t image_id1, image_t image_id2) {
 
 std::string ImageKey(image_t image_id) { return fmt::format("image_id = {}", image_id); }
 
-PointMatches Swap(PointMatches matches) {
-  for (auto& match : matches) std::swap(match[0], match[1]);
-  return matches;
-}
-
 PointMatches ToMatches(const std::vector<uint32_t>& values) {
   PointMatches matches(values.size() / 2);
   for (size_t i = 0; i < matches.size(); ++i) matches[i] = {values[2 * i], values[2 * i + 1]};
@@ -46,20 +40,6 @@ std::optional<std::vector<double>> ToBlob(const std::optional<Eigen::Matrix3d>& 
 }
 
 }  // namespace
-
-TwoViewGeometry TwoViewGeometry::Swapped() const {
-  TwoViewGeometry swapped;
-  swapped.config = config;
-  if (F) swapped.F = F->transpose();
-  if (E) swapped.E = E->transpose();
-  if (H) {
-    const Eigen::FullPivLU<Eigen::Matrix3d> lu(*H);
-    if (lu.isInvertible()) swapped.H = lu.inverse();
-  }
-  if (cam2_from_cam1) swapped.cam2_from_cam1 = cam2_from_cam1->Inverse();
-  swapped.inlier_matches = Swap(inlier_matches);
-  return swapped;
-}
 
 std::string ToString(const Camera& camera) {
   return fmt::format("{} {} {} {}", camera.model->name, camera.width, camera.height,
@@ -160,6 +140,10 @@ std::optional<size_t> Database::NumRows(const char* table, image_t image_id) con
   return static_cast<size_t>(std::max<int64_t>(row.GetInteger(0), 0));
 }
 
+std::optional<size_t> Database::NumKeypoints(image_t image_id) const {
+  return NumRows("keypoints", image_id);
+}
+
 std::optional<Keypoints> Database::ReadKeypoints(image_t image_id) const {
   Statement row(*this, "SELECT rows, cols, data FROM keypoints WHERE image_id = ?");
   if (!row.Integer(image_id).Step()) return std::nullopt;
@@ -256,11 +240,11 @@ std::optional<PointMatches> Database::ReadMatches(image_t image_id1, image_t ima
   }
   PointMatches matches = ToMatches(*values);
   CheckMatches("matches", image_id1, image_id2, matches);
-  return image_id1 < image_id2 ? matches : Swap(std::move(matches));
+  return image_id1 < image_id2 ? matches : Swapped(std::move(matches));
 }
 
 void Database::WriteMatches(image_t image_id1, image_t image_id2, const PointMatches& matches) {
-  const PointMatches ordered = image_id1 < image_id2 ? matches : Swap(matches);
+  const PointMatches ordered = image_id1 < image_id2 ? matches : Swapped(matches);
   Statement(*this, "INSERT OR REPLACE INTO matches(pair_id, rows, cols, data) VALUES(?, ?, 2, ?)")
       .Integer(PairId(image_id1, image_id2))
       .Integer(static_cast<int64_t>(ordered.size()))

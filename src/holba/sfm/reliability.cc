@@ -37,13 +37,13 @@ Verdict Judge(const ReliabilityOptions& options, const ViewMap& views, double si
                                                            : Verdict::kUncertain;
 }
 
-Verdict Judge(const ReliabilityOptions& options, double sigma_px, line3D_t line_id,
-              const Reconstruction& model) {
+Verdict Judge(const ReliabilityOptions& options, const ViewMap& views, double sigma_px,
+              line3D_t line_id, const Reconstruction& model) {
   const Line3D& line = model.lines3D.at(line_id);
   std::set<image_t> images;
   for (const LineObservation& o : line.track) images.insert(o.image_id);
   if (images.size() < static_cast<size_t>(options.min_line_images)) return Verdict::kFewImages;
-  const auto uncertainty = UncertaintyOfLine(model, line_id, sigma_px);
+  const auto uncertainty = UncertaintyOfLine(model, views, line_id, sigma_px);
   return uncertainty && uncertainty->RelativeSigma() <= options.max_line_relative_sigma
              ? Verdict::kReliable
              : Verdict::kUncertain;
@@ -67,7 +67,7 @@ void ReliabilityOptions::Describe(OptionTable* table) {
 
 Reliability ClassifyFeatures(const ReliabilityOptions& options, double point_sigma_px,
                              double line_sigma_px, int num_threads, const Reconstruction& model) {
-  const ViewMap views = MakeViews(model);
+  const ViewMap views(model);
   std::vector<Verdict> of_point(model.points3D.size()), of_line(model.lines3D.size());
   ParallelFor(num_threads, of_point.size(), [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i)
@@ -75,7 +75,7 @@ Reliability ClassifyFeatures(const ReliabilityOptions& options, double point_sig
   });
   ParallelFor(num_threads, of_line.size(), [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i)
-      of_line[i] = Judge(options, line_sigma_px, (model.lines3D.begin() + i)->first, model);
+      of_line[i] = Judge(options, views, line_sigma_px, (model.lines3D.begin() + i)->first, model);
   });
 
   Reliability result;

@@ -60,12 +60,6 @@ struct StructureReport {
   std::map<std::string, double> seconds;  // by step
 };
 
-// Labelled regions of the images, as 2D groups that were added to the model: which are known to be
-// one surface, and what a network says about their normals.
-struct RegionObservations {
-  std::vector<GroupObservationPair> matches;
-  GroupNormals normals;
-};
 // Empty: there are none. Called once lines, junctions and corners are there.
 using RegionObserver = std::function<RegionObservations(Reconstruction*)>;
 

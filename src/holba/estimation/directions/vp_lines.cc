@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "holba/estimation/directions/direction_fit.h"
-#include "holba/scene/ideal_view.h"
+#include "holba/scene/views.h"
 
 namespace holba {
 namespace {
@@ -126,10 +126,7 @@ void LineLabelOptions::Describe(OptionTable* table) {
 
 LineLabelReport LabelLines(const LineLabelOptions& options, Reconstruction* model) {
   LineLabelReport report;
-  std::map<image_t, IdealView> views;
-  for (const auto& [image_id, image] : model->images) {
-    views.try_emplace(image_id, *model, image_id);
-  }
+  const ViewMap views(*model);
   std::vector<group3D_t> vp_ids;
   std::vector<Eigen::Vector3d> directions;
   model->DeleteMembers({}, [](group3D_t, const Group3D& group, line3D_t) { return group.type->IsParallelism(); });

@@ -13,7 +13,7 @@
 #include "holba/base/check.h"
 #include "holba/estimation/directions/direction_fit.h"
 #include "holba/robust/median.h"
-#include "holba/scene/ideal_view.h"
+#include "holba/scene/views.h"
 
 namespace holba {
 namespace {
@@ -49,8 +49,8 @@ struct Track {
 };
 
 std::vector<Node> NodesOfImage(image_t image_id, const ImageFeatures& features,
-                               const Reconstruction& model) {
-  const IdealView view(model, image_id);
+                               const Reconstruction& model, const ViewMap& views) {
+  const IdealView& view = views.at(image_id);
   const Eigen::Matrix3d KR = view.K() * view.R();
   std::vector<Node> nodes;
   for (uint32_t i = 0; i < features.vanishing_points.size(); ++i) {
@@ -330,6 +330,7 @@ void VpTrackOptions::Describe(OptionTable* table) {
 VpTrackReport FormVanishingPoints(const VpTrackOptions& options, const ImageFeatureMap& features,
                                   Reconstruction* model) {
   VpTrackReport report;
+  const ViewMap views(*model);
   std::vector<Node> nodes;
   for (const auto& [image_id, of_image] : features) {
     if (!model->images.contains(image_id)) {
@@ -338,7 +339,9 @@ VpTrackReport FormVanishingPoints(const VpTrackOptions& options, const ImageFeat
       continue;
     }
     ++report.num_images;
-    for (Node& node : NodesOfImage(image_id, of_image, *model)) nodes.push_back(std::move(node));
+    for (Node& node : NodesOfImage(image_id, of_image, *model, views)) {
+      nodes.push_back(std::move(node));
+    }
   }
   report.num_image_vps = nodes.size();
   TrackSearch search(options, std::move(nodes), report.num_images, &report);

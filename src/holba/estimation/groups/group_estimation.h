@@ -41,7 +41,7 @@ struct GroupFeatures {
 // Looks features up in a model (which must outlive it, unchanged) and remembers them.
 class FeatureLookup {
  public:
-  explicit FeatureLookup(const Reconstruction& model) : model_(model), views_(MakeViews(model)) {}
+  explicit FeatureLookup(const Reconstruction& model) : model_(model), views_(model) {}
   const ViewMap& views() const { return views_; }
   // Null: the model does not have it, or none of its images has it in front.
   const FitPoint* Point(point3D_t id);

@@ -36,6 +36,13 @@ struct GroupFormingOptions {
 using GroupObservationPair = std::pair<GroupObservation, GroupObservation>;
 using GroupNormals = std::map<std::pair<image_t, group2D_t>, RegionNormal>;
 
+// Labelled regions of the images, as 2D groups that were added to the model: which are known to be
+// one surface, and what a network says about their normals.
+struct RegionObservations {
+  std::vector<GroupObservationPair> matches;
+  GroupNormals normals;
+};
+
 struct GroupFormingReport {
   size_t observations = 0;  // regions without a group before
   size_t joined = 0;        // regions that joined a group

@@ -561,7 +561,7 @@ std::vector<Eigen::Vector3d> NormalsOfVanishingPoints(const Reconstruction& mode
 
 PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
   PlaneReport report;
-  const ViewMap views = MakeViews(*model);
+  const ViewMap views(*model);
   report.sigma_px = MeasurePointSigmaPx(*model, views).value_or(1.0);
   const GroupType* plane_type = FindGroupType("PLANE");
   std::unordered_set<point3D_t> taken;

@@ -236,7 +236,7 @@ PlaneMemberReport AddLinesToPlanes(const PlaneMemberOptions& options, Reconstruc
 
 PlaneMemberReport AddPointsToPlanes(const PlaneMemberOptions& options,
                                     std::span<const point3D_t> point_ids, Reconstruction* model) {
-  const ViewMap views = MakeViews(*model);
+  const ViewMap views(*model);
   std::vector<point3D_t> candidates;
   std::unordered_set<point3D_t> seen;
   for (const point3D_t id : point_ids) {

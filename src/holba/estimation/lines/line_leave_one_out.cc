@@ -19,9 +19,10 @@ struct OfLine {
   bool too_few = false;
 };
 
-OfLine LeaveOut(const Reconstruction& model, const Line3D& line, size_t min_images) {
+OfLine LeaveOut(const Reconstruction& model, const ViewMap& views_of_model, const Line3D& line,
+                size_t min_images) {
   OfLine result;
-  const std::vector<LineSupport> supports = SupportsOfLine(model, line);
+  const std::vector<LineSupport> supports = SupportsOfLine(model, views_of_model, line);
   std::vector<uint32_t> views;
   for (const LineSupport& s : supports) {
     if (std::find(views.begin(), views.end(), s.view) == views.end()) views.push_back(s.view);
@@ -62,9 +63,10 @@ LeaveOneOutReport LeaveOneOut(const Reconstruction& model, int min_images, int n
   HOLBA_CHECK(min_images >= 3);
   std::vector<const Line3D*> lines;
   for (const auto& [id, line] : model.lines3D) lines.push_back(&line);
+  const ViewMap views(model);
   std::vector<OfLine> of_line(lines.size());
   ParallelTasks(num_threads, lines.size(), [&](size_t i) {
-    of_line[i] = LeaveOut(model, *lines[i], static_cast<size_t>(min_images));
+    of_line[i] = LeaveOut(model, views, *lines[i], static_cast<size_t>(min_images));
   });
   LeaveOneOutReport report;
   for (const OfLine& line : of_line) {

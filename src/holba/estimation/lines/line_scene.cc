@@ -10,6 +10,8 @@
 #include "holba/base/check.h"
 #include "holba/base/error.h"
 #include "holba/base/threads.h"
+#include "holba/scene/covisibility.h"
+#include "holba/scene/views.h"
 
 namespace holba {
 namespace {
@@ -126,17 +128,11 @@ void SetDepthRange(const LineOptions& options, const std::vector<Eigen::Vector3d
   view->max_depth = options.max_depth_factor * percentile(0.98);
 }
 
-void FindNeighbours(const LineOptions& options, const std::vector<Eigen::Vector3d>& points,
-                    const std::vector<std::vector<uint32_t>>& points_of_view,
-                    const std::vector<std::vector<uint32_t>>& views_of_point, uint32_t view_idx,
-                    LineScene* scene) {
+void FindNeighbours(const LineOptions& options, const Covisibility& covisibility,
+                    uint32_t view_idx, LineScene* scene) {
   SceneView& view = scene->views[view_idx];
-  std::vector<std::vector<uint32_t>> shared(scene->views.size());
-  for (uint32_t point : points_of_view[view_idx]) {
-    for (uint32_t other : views_of_point[point]) {
-      if (other != view_idx) shared[other].push_back(point);
-    }
-  }
+  const auto covisible = covisibility.NeighboursOf(view_idx);
+  const Covisibility::Shared shared = covisibility.SharedWithNeighbours(view_idx);
   struct Neighbour {
     double dice;
     uint32_t view;
@@ -144,20 +140,25 @@ void FindNeighbours(const LineOptions& options, const std::vector<Eigen::Vector3
   std::vector<Neighbour> found;
   std::vector<double> cosines;
   const double max_cosine = std::cos(options.min_neighbour_angle_deg * std::numbers::pi / 180.0);
-  for (uint32_t other = 0; other < scene->views.size(); ++other) {
-    if (shared[other].size() < kMinSharedPoints) continue;
+  for (size_t k = 0; k < covisible.size(); ++k) {
+    const uint32_t other = covisible[k].image_idx, num_points = covisible[k].num_points;
+    if (num_points < kMinSharedPoints) continue;
     cosines.clear();
-    for (uint32_t point : shared[other]) {
-      const Eigen::Vector3d a = (points[point] - view.view.centre()).normalized();
-      const Eigen::Vector3d b = (points[point] - scene->views[other].view.centre()).normalized();
+    uint32_t last_point = kInvalidId32;
+    for (const SharedSighting& s : shared[k]) {
+      if (s.point_idx == last_point) continue;  // observed twice in one image
+      last_point = s.point_idx;
+      const Eigen::Vector3d& X = scene->points[s.point_idx];
+      const Eigen::Vector3d a = (X - view.view.centre()).normalized();
+      const Eigen::Vector3d b = (X - scene->views[other].view.centre()).normalized();
       cosines.push_back(a.dot(b));
     }
     // Upper quartile of the angles.
     std::nth_element(cosines.begin(), cosines.begin() + cosines.size() / 4, cosines.end());
     if (cosines[cosines.size() / 4] > max_cosine) continue;
-    found.push_back({2.0 * shared[other].size() /
-                         (points_of_view[view_idx].size() + points_of_view[other].size()),
-                     other});
+    found.push_back(
+        {2.0 * num_points / (covisibility.NumPoints(view_idx) + covisibility.NumPoints(other)),
+         other});
   }
   std::sort(found.begin(), found.end(), [](const Neighbour& a, const Neighbour& b) {
     return a.dice != b.dice ? a.dice > b.dice : a.view < b.view;
@@ -186,8 +187,9 @@ LineScene MakeLineScene(const LineOptions& options, const Reconstruction& model,
   LineScene scene;
   scene.described = true;
   bool any = false;
+  const ViewMap views(model);
   for (const auto& [image_id, image] : model.images) {
-    scene.views.emplace_back(model, image_id);
+    scene.views.emplace_back(image_id, views.at(image_id));
     const auto found = features.find(image_id);
     if (found == features.end() || found->second.segments.empty()) continue;
     const ImageFeatures& f = found->second;
@@ -221,7 +223,7 @@ LineScene MakeLineScene(const LineOptions& options, const Reconstruction& model,
   }
 
   const size_t num_views = scene.views.size();
-  std::vector<std::vector<uint32_t>> points_of_view(num_views), views_of_point(scene.points.size());
+  std::vector<std::vector<PointSighting>> sightings_of_view(num_views);
   std::vector<std::map<std::string, size_t>> dropped_by_view(num_views);
   ParallelTasks(num_threads, num_views, [&](size_t v) {
     SceneView& view = scene.views[v];
@@ -234,11 +236,9 @@ LineScene MakeLineScene(const LineOptions& options, const Reconstruction& model,
       const auto it = point_idx.find(p.point3D_id);
       HOLBA_CHECK(it != point_idx.end());
       seen.push_back({*ideal, it->second});
-      points_of_view[v].push_back(it->second);
+      sightings_of_view[v].push_back(
+          {.point_idx = it->second, .image_idx = static_cast<uint32_t>(v)});
     }
-    std::sort(points_of_view[v].begin(), points_of_view[v].end());
-    points_of_view[v].erase(std::unique(points_of_view[v].begin(), points_of_view[v].end()),
-                            points_of_view[v].end());
     SetDepthRange(options, scene.points, seen, &view);
     const auto found = features.find(view.image_id);
     if (found == features.end()) return;
@@ -249,12 +249,13 @@ LineScene MakeLineScene(const LineOptions& options, const Reconstruction& model,
   for (const auto& of_view : dropped_by_view) {
     for (const auto& [reason, count] : of_view) (*dropped)[reason] += count;
   }
-  for (uint32_t v = 0; v < num_views; ++v) {
-    for (uint32_t point : points_of_view[v]) views_of_point[point].push_back(v);
+  std::vector<PointSighting> sightings;
+  for (const auto& of_view : sightings_of_view) {
+    sightings.insert(sightings.end(), of_view.begin(), of_view.end());
   }
+  const Covisibility covisibility(num_views, scene.points.size(), sightings);
   ParallelTasks(num_threads, num_views, [&](size_t v) {
-    FindNeighbours(options, scene.points, points_of_view, views_of_point, static_cast<uint32_t>(v),
-                   &scene);
+    FindNeighbours(options, covisibility, static_cast<uint32_t>(v), &scene);
   });
   for (const SceneView& view : scene.views) {
     if (view.neighbours.empty()) ++(*dropped)["image: no neighbour with enough shared points"];

@@ -38,8 +38,7 @@ struct NearPoint {
 };
 
 struct SceneView {
-  SceneView(const Reconstruction& model, image_t image_id)
-      : image_id(image_id), view(model, image_id) {}
+  SceneView(image_t image_id, const IdealView& view) : image_id(image_id), view(view) {}
 
   image_t image_id;
   IdealView view;

@@ -3,10 +3,11 @@
 
 namespace holba {
 
-std::vector<LineSupport> SupportsOfLine(const Reconstruction& model, const Line3D& line) {
+std::vector<LineSupport> SupportsOfLine(const Reconstruction& model, const ViewMap& views,
+                                        const Line3D& line) {
   std::vector<LineSupport> supports;
   for (const LineObservation& observation : line.track) {
-    const IdealView view(model, observation.image_id);
+    const IdealView& view = views.at(observation.image_id);
     const Image& image = model.images.at(observation.image_id);
     const std::optional<LineSegment2d> ideal =
         view.ToIdeal(image.lines2D[observation.line2D_idx].segment);
@@ -24,11 +25,11 @@ LineWithExtent WithExtent(const Line3D& line) {
   return result;
 }
 
-std::optional<LineUncertainty> UncertaintyOfLine(const Reconstruction& model, line3D_t line3D_id,
-                                                 double sigma_px) {
+std::optional<LineUncertainty> UncertaintyOfLine(const Reconstruction& model, const ViewMap& views,
+                                                 line3D_t line3D_id, double sigma_px) {
   const Line3D& line = model.lines3D.at(line3D_id);
   const LineWithExtent placed = WithExtent(line);
-  return UncertaintyOfFit(SupportsOfLine(model, line), LinePrior(), sigma_px, placed.line,
+  return UncertaintyOfFit(SupportsOfLine(model, views, line), LinePrior(), sigma_px, placed.line,
                           placed.t_start, placed.t_end);
 }
 

@@ -7,16 +7,18 @@
 
 #include "holba/estimation/lines/line_fit.h"
 #include "holba/scene/reconstruction.h"
+#include "holba/scene/views.h"
 
 namespace holba {
 
 // From the segments of its track alone. Empty: no segment sees it, or its extent is a point or
 // behind the cameras.
-std::optional<LineUncertainty> UncertaintyOfLine(const Reconstruction& model, line3D_t line3D_id,
-                                                 double sigma_px);
+std::optional<LineUncertainty> UncertaintyOfLine(const Reconstruction& model, const ViewMap& views,
+                                                 line3D_t line3D_id, double sigma_px);
 
 // The segments of a line's track in ideal pixels; those that have none are left out.
-std::vector<LineSupport> SupportsOfLine(const Reconstruction& model, const Line3D& line);
+std::vector<LineSupport> SupportsOfLine(const Reconstruction& model, const ViewMap& views,
+                                        const Line3D& line);
 
 // The line with its point amid the extent, and the extent's ends as parameters of it.
 struct LineWithExtent {

@@ -117,7 +117,7 @@ TEST(LinesFromSegments, EdgesAlongTheBaselineNeedGroupsAndPixelsCallThemUnreliab
   EXPECT_EQ(report.num_reliable, 12u);
   for (const auto& [id, line] : house.model.lines3D) {
     EXPECT_LT(Distance(line, house.edges[EdgeOf(house, line)]), 0.02);
-    const auto uncertainty = UncertaintyOfLine(house.model, id, 0.5);
+    const auto uncertainty = UncertaintyOfLine(house.model, ViewMap(house.model), id, 0.5);
     ASSERT_TRUE(uncertainty.has_value());
     const bool along = is_along(house, line);
     EXPECT_EQ(uncertainty->RelativeSigma() < options.max_relative_sigma, !along);

@@ -37,7 +37,7 @@ inline Reconstruction MakeCameraRow(int num_images, double baseline) {
 // observations. Returns its id.
 inline point3D_t AddPoint(const Eigen::Vector3d& X, double noise_px, Random* random,
                           Reconstruction* model) {
-  const ViewMap views = MakeViews(*model);
+  const ViewMap views(*model);
   const point3D_t id = model->points3D.size() + 1;
   Point3D point{.xyz = X};
   std::vector<Eigen::Vector2d> seen;

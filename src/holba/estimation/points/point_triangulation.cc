@@ -251,13 +251,6 @@ std::optional<TriangulatedPoint> TriangulatePoint(std::span<const PointView> vie
   return result;
 }
 
-std::vector<IdealView> AllIdealViews(const Reconstruction& model) {
-  std::vector<IdealView> views;
-  views.reserve(model.images.size());
-  for (const auto& [image_id, image] : model.images) views.emplace_back(model, image_id);
-  return views;
-}
-
 std::optional<double> MeanReprojectionErrorPx(const Reconstruction& model, const Point3D& point) {
   double sum = 0.0;
   size_t count = 0;

@@ -65,9 +65,6 @@ std::optional<Eigen::Matrix3d> PointCovariance(std::span<const PointView> views,
 // Its inverse is the finest ground sampling distance (GSD).
 double PixelsPerLength(std::span<const PointView> views, const Eigen::Vector3d& X);
 
-// Views of all images, in the order of model.images.
-std::vector<IdealView> AllIdealViews(const Reconstruction& model);
-
 // Mean distance between a point's observations and its projections, in pixels of the photographs
 // (what Point3D::error holds). Empty: no observation has a projection.
 std::optional<double> MeanReprojectionErrorPx(const Reconstruction& model, const Point3D& point);

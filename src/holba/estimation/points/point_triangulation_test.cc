@@ -8,6 +8,7 @@
 
 #include "holba/base/random.h"
 #include "holba/estimation/points/wireframe_testing.h"
+#include "holba/scene/views.h"
 
 namespace holba {
 namespace {
@@ -18,13 +19,13 @@ class PointTriangulationTest : public ::testing::Test {
  protected:
   void Make(int num_images, const Eigen::Vector3d& X, std::string_view camera_model = "PINHOLE") {
     model_ = ArcOfCameras(num_images, camera_model);
-    views_ = AllIdealViews(model_);
+    views_ = ViewMap(model_);
     seen_.clear();
     for (const IdealView& view : views_) seen_.push_back({&view, *view.Project(X)});
   }
 
   Reconstruction model_;
-  std::vector<IdealView> views_;
+  ViewMap views_;
   std::vector<PointView> seen_;
 };
 
@@ -37,7 +38,8 @@ TEST_F(PointTriangulationTest, ExactObservationsGiveThePoint) {
     EXPECT_LT((point->xyz - X).norm(), 1e-9);
     EXPECT_EQ(point->num_inliers, seen_.size());
     EXPECT_LT(point->rms_error_px, 1e-7);
-    const Eigen::Vector3d first = X - views_.front().centre(), last = X - views_.back().centre();
+    const Eigen::Vector3d first = X - views_[0].centre();
+    const Eigen::Vector3d last = X - views_[views_.size() - 1].centre();
     EXPECT_NEAR(point->max_angle_rad, std::acos(first.normalized().dot(last.normalized())), 0.05);
   }
 }

@@ -13,14 +13,6 @@
 #include "holba/geometry/types.h"
 
 namespace holba {
-ViewMap MakeViews(const Reconstruction& model) {
-  ViewMap views;
-  views.Reserve(model.images.size());
-  for (const auto& [image_id, image] : model.images) {
-    views.Add(image_id, IdealView(model, image_id));
-  }
-  return views;
-}
 
 std::optional<Eigen::Matrix3d> PointCovariance(const ViewMap& views, const Eigen::Vector3d& X,
                                                std::span<const PointObservation> observations,

@@ -9,15 +9,10 @@
 #include <span>
 #include <vector>
 
-#include "holba/scene/id_map.h"
-#include "holba/scene/ideal_view.h"
 #include "holba/scene/reconstruction.h"
+#include "holba/scene/views.h"
 
 namespace holba {
-
-// The ideal view of every image, in the order of the images. References the model's cameras.
-using ViewMap = IdMap<image_t, IdealView>;
-ViewMap MakeViews(const Reconstruction& model);
 
 // 3x3 covariance (model units squared) of a point seen by `observations` with independent noise of
 // sigma_px in both coordinates of each, cameras held: inverse of the sum of J^T J / sigma^2, J the

@@ -23,7 +23,7 @@ TEST(PointUncertainty, CovarianceIsTheScatterOfRepeatedTriangulations) {
     const Eigen::Vector3d e = model.points3D.at(AddPoint(X, 0.5, &random, &model)).xyz - X;
     scatter += e * e.transpose() / kTrials;
   }
-  const ViewMap views = MakeViews(model);
+  const ViewMap views(model);
   const auto covariance = PointCovariance(views, X, model.points3D.at(1).track, 0.5);
   ASSERT_TRUE(covariance);
   // Relative scatter of a variance from n trials: sqrt(2 / n) = 2.6 %.
@@ -39,7 +39,7 @@ TEST(PointUncertainty, DepthOfOneImageOrOfParallelRaysIsUnknown) {
   Random random(3);
   Reconstruction model = MakeCameraRow(2, 1.0);
   const Point3D point = model.points3D.at(AddPoint({0, 0, 10}, 0.0, &random, &model));
-  const ViewMap views = MakeViews(model);
+  const ViewMap views(model);
   EXPECT_TRUE(PointCovariance(views, point.xyz, point.track, 1.0));
   const std::vector<PointObservation> one = {point.track[0]},
                                       twice = {point.track[0], point.track[0]};
@@ -53,7 +53,7 @@ TEST(PointUncertainty, AngleAndLengthOfAPixelAreThoseOfTheGeometry) {
   Random random(3);
   Reconstruction model = MakeCameraRow(3, 1.0);  // at y = 0, -0.1, 0
   const Point3D point = model.points3D.at(AddPoint({0, 0, 10}, 0.0, &random, &model));
-  const ViewMap views = MakeViews(model);
+  const ViewMap views(model);
   const auto geometry = GeometryOf(views, point);
   ASSERT_TRUE(geometry);
   EXPECT_EQ(geometry->num_images, 3);

@@ -12,6 +12,8 @@
 #include "holba/base/threads.h"
 #include "holba/estimation/wireframe/corner_matching.h"
 #include "holba/estimation/points/point_triangulation.h"
+#include "holba/scene/covisibility.h"
+#include "holba/scene/views.h"
 
 namespace holba {
 namespace {
@@ -80,7 +82,7 @@ class CornerTriangulator {
         features_(features),
         num_threads_(num_threads),
         model_(model),
-        views_(AllIdealViews(*model)) {
+        views_(*model) {
     triangulation_.max_error_px = options.max_error_px;
     triangulation_.min_angle_deg = options.min_triangulation_angle_deg;
     triangulation_.min_num_views = static_cast<size_t>(std::max(2, options.min_num_images));
@@ -128,7 +130,7 @@ class CornerTriangulator {
   };
 
   const Eigen::Vector2d& Ideal(const Corner& c) const { return fields_[c.image].ideal(c.corner); }
-  image_t ImageId(uint32_t image) const { return model_->images.begin()[image].first; }
+  image_t ImageId(uint32_t image) const { return views_.ImageId(image); }
   const Eigen::Vector2d& Pixel(const Corner& c) const {
     return features_.at(ImageId(c.image)).corners[fields_[c.image].FeatureIdx(c.corner)];
   }
@@ -167,39 +169,23 @@ class CornerTriangulator {
 
   // Each image with those that share most points with it.
   std::vector<std::pair<uint32_t, uint32_t>> NeighbouringPairs() const {
-    const size_t n = views_.size();
-    std::vector<uint32_t> shared(n * n, 0);
-    std::vector<uint32_t> images;
-    for (const auto& [id, point] : model_->points3D) {
-      images.clear();
-      for (const PointObservation& observation : point.track) {
-        images.push_back(static_cast<uint32_t>(model_->images.IndexOf(observation.image_id)));
-      }
-      std::sort(images.begin(), images.end());
-      images.erase(std::unique(images.begin(), images.end()), images.end());
-      for (size_t a = 0; a < images.size(); ++a) {
-        for (size_t b = a + 1; b < images.size(); ++b) {
-          ++shared[images[a] * n + images[b]];
-          ++shared[images[b] * n + images[a]];
-        }
-      }
-    }
+    const Covisibility covisibility(*model_);
+    const auto has_corners = [&](uint32_t i) { return fields_[i].size() > 0 && depths_[i]; };
     std::vector<std::pair<uint32_t, uint32_t>> pairs;
-    for (uint32_t i = 0; i < n; ++i) {
-      std::vector<uint32_t> others;
-      for (uint32_t j = 0; j < n; ++j) {
-        if (shared[i * n + j] > 0 && fields_[i].size() > 0 && fields_[j].size() > 0 && depths_[i] &&
-            depths_[j]) {
-          others.push_back(j);
-        }
-      }
-      std::stable_sort(others.begin(), others.end(), [&](uint32_t a, uint32_t b) {
-        return shared[i * n + a] > shared[i * n + b];
+    for (uint32_t i = 0; i < views_.size(); ++i) {
+      if (!has_corners(i)) continue;
+      const auto neighbours = covisibility.NeighboursOf(i);
+      std::vector<Covisibility::Neighbour> others(neighbours.begin(), neighbours.end());
+      std::erase_if(others, [&](const auto& other) { return !has_corners(other.image_idx); });
+      std::stable_sort(others.begin(), others.end(), [](const auto& a, const auto& b) {
+        return a.num_points > b.num_points;
       });
       if (others.size() > static_cast<size_t>(options_.num_neighbours)) {
         others.resize(static_cast<size_t>(options_.num_neighbours));
       }
-      for (uint32_t j : others) pairs.emplace_back(std::min(i, j), std::max(i, j));
+      for (const auto& other : others) {
+        pairs.emplace_back(std::min(i, other.image_idx), std::max(i, other.image_idx));
+      }
     }
     std::sort(pairs.begin(), pairs.end());
     pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
@@ -232,7 +218,7 @@ class CornerTriangulator {
     junctions_.resize(views_.size());
     for (point3D_t id : junction_ids) {
       for (const PointObservation& observation : model_->points3D.at(id).track) {
-        const size_t i = model_->images.IndexOf(observation.image_id);
+        const size_t i = views_.IndexOf(observation.image_id);
         const auto x = views_[i].ToIdeal(
             model_->images.begin()[i].second.points2D.at(observation.point2D_idx).xy);
         if (x) junctions_[i].push_back({*x, id});
@@ -315,7 +301,7 @@ class CornerTriangulator {
       Point3D& point = model_->points3D.at(id);
       std::vector<PointView> views;
       for (const PointObservation& observation : point.track) {
-        const size_t i = model_->images.IndexOf(observation.image_id);
+        const size_t i = views_.IndexOf(observation.image_id);
         const auto x = views_[i].ToIdeal(
             model_->images.begin()[i].second.points2D.at(observation.point2D_idx).xy);
         if (x) views.push_back({&views_[i], *x});
@@ -339,7 +325,7 @@ class CornerTriangulator {
   const int num_threads_;
   Reconstruction* model_;
   PointTriangulationOptions triangulation_;
-  const std::vector<IdealView> views_;  // these by position of the image
+  const ViewMap views_;  // these by position of the image
   std::vector<CornerField> fields_;
   std::vector<std::optional<DepthRange>> depths_;
   std::vector<std::vector<JunctionView>> junctions_;

@@ -14,7 +14,7 @@
 #include "holba/base/threads.h"
 #include "holba/estimation/wireframe/point_on_line.h"
 #include "holba/estimation/points/point_triangulation.h"
-#include "holba/scene/ideal_view.h"
+#include "holba/scene/views.h"
 
 namespace holba {
 namespace {
@@ -140,7 +140,7 @@ class JunctionFinder {
         in_space_{options.max_gap_gsd, options.max_uncertain_gap_gsd, options.sigma_px},
         num_threads_(num_threads),
         model_(model),
-        views_(AllIdealViews(model)),
+        views_(model),
         segments_(views_.size()) {
     triangulation_.max_error_px = options.max_error_px;
     triangulation_.min_angle_deg = options.min_triangulation_angle_deg;
@@ -466,7 +466,7 @@ class JunctionFinder {
   const int num_threads_;
   const Reconstruction& model_;
   PointTriangulationOptions triangulation_;
-  std::vector<IdealView> views_;                // by position of the image
+  const ViewMap views_;
   std::vector<std::vector<Segment>> segments_;  // of lines, by image
   std::vector<std::optional<Found>> found_;
 };

@@ -21,13 +21,13 @@ Across BasisAcross(const Eigen::Vector3d& direction) {
 // pixel standard deviation across the segment. Unknowns: the shift at the anchor and the shift
 // per length along the line; each end of a segment measures their sum at its place, in the image
 // across the segment.
-std::optional<Eigen::Matrix2d> LineCovariance(const Reconstruction& model,
-                                              std::span<const IdealView> views, const Line3D& line,
-                                              const Eigen::Vector3d& anchor, const Across& across) {
+std::optional<Eigen::Matrix2d> LineCovariance(const Reconstruction& model, const ViewMap& views,
+                                              const Line3D& line, const Eigen::Vector3d& anchor,
+                                              const Across& across) {
   const Eigen::Vector3d& d = line.line.direction;
   Eigen::Matrix4d A = Eigen::Matrix4d::Zero();
   for (const LineObservation& observation : line.track) {
-    const IdealView& view = views[model.images.IndexOf(observation.image_id)];
+    const IdealView& view = views.at(observation.image_id);
     const auto segment = view.ToIdeal(
         model.images.at(observation.image_id).lines2D.at(observation.line2D_idx).segment);
     const auto l = view.Project(line.line);
@@ -62,7 +62,7 @@ std::optional<Eigen::Matrix2d> LineCovariance(const Reconstruction& model,
 
 }  // namespace
 
-PointOnLine TestPointOnLine(const Reconstruction& model, std::span<const IdealView> views,
+PointOnLine TestPointOnLine(const Reconstruction& model, const ViewMap& views,
                             const PointOnLineOptions& options, const Eigen::Vector3d& X,
                             const std::optional<Eigen::Matrix3d>& covariance_1px,
                             double pixels_per_length, const Line3D& line) {

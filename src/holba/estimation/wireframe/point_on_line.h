@@ -6,10 +6,9 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <span>
 
-#include "holba/scene/ideal_view.h"
 #include "holba/scene/reconstruction.h"
+#include "holba/scene/views.h"
 
 namespace holba {
 
@@ -21,8 +20,8 @@ struct PointOnLineOptions {
 
 enum class PointOnLine { kNear, kAllowed, kApart };
 
-// `views`: of the model's images in their order. `covariance_1px`: of the point, for one pixel.
-PointOnLine TestPointOnLine(const Reconstruction& model, std::span<const IdealView> views,
+// `covariance_1px`: of the point, for one pixel.
+PointOnLine TestPointOnLine(const Reconstruction& model, const ViewMap& views,
                             const PointOnLineOptions& options, const Eigen::Vector3d& X,
                             const std::optional<Eigen::Matrix3d>& covariance_1px,
                             double pixels_per_length, const Line3D& line);

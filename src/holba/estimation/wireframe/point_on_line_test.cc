@@ -14,7 +14,7 @@ namespace {
 
 // The place of a line at x = 0.3 from segments with noise, across the line, by least squares in
 // which the two coordinates of two points of the line are free.
-PlueckerLine FitLine(const Reconstruction& model, const std::vector<IdealView>& views,
+PlueckerLine FitLine(const Reconstruction& model, const ViewMap& views,
                      const PlueckerLine& start) {
   // Points of the line at x = -1 and x = 1; their y and z.
   const auto at = [&](double x) {
@@ -66,7 +66,7 @@ TEST(PointOnLine, RefusesOneTruePairInAHundred) {
   int num_refused = 0;
   for (int run = 0; run < kRuns; ++run) {
     Reconstruction model = exact;
-    const std::vector<IdealView> views = AllIdealViews(model);
+    const ViewMap views(model);
     std::vector<PointView> seen;
     for (size_t i = 0; i < views.size(); ++i) {
       LineSegment2d& s = model.images.begin()[i].second.lines2D[0].segment;
@@ -92,7 +92,7 @@ TEST(PointOnLine, RefusesOneTruePairInAHundred) {
 TEST(PointOnLine, IsNearWithinTheBoundInPixelsAndApartWithoutACovariance) {
   Reconstruction model = ArcOfCameras(5);
   AddLineWithSegments({-1, 0, 0}, {1, 0, 0}, 0.0, 0.0, &model);
-  const std::vector<IdealView> views = AllIdealViews(model);
+  const ViewMap views(model);
   const Line3D& line = model.lines3D.at(1);
   // 100 pixels for a unit of length.
   const auto test = [&](double distance, const std::optional<Eigen::Matrix3d>& covariance) {

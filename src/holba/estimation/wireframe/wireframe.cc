@@ -12,7 +12,7 @@
 
 #include "holba/estimation/wireframe/point_on_line.h"
 #include "holba/estimation/points/point_triangulation.h"
-#include "holba/scene/ideal_view.h"
+#include "holba/scene/views.h"
 
 namespace holba {
 namespace {
@@ -31,7 +31,7 @@ class WireframeFormer {
       : options_(options),
         in_space_{options.max_gap_gsd, options.max_uncertain_gap_gsd, options.sigma_px},
         model_(model),
-        views_(AllIdealViews(*model)) {}
+        views_(*model) {}
 
   WireframeReport Form() {
     std::vector<Meeting> meetings;
@@ -151,7 +151,7 @@ class WireframeFormer {
   std::vector<PointView> ViewsOf(const Point3D& point) const {
     std::vector<PointView> result;
     for (const PointObservation& observation : point.track) {
-      const IdealView& view = views_[model_->images.IndexOf(observation.image_id)];
+      const IdealView& view = views_.at(observation.image_id);
       const auto x = view.ToIdeal(
           model_->images.at(observation.image_id).points2D.at(observation.point2D_idx).xy);
       if (x && view.Depth(point.xyz) > 0.0) result.push_back({&view, *x});
@@ -179,7 +179,7 @@ class WireframeFormer {
   const WireframeOptions& options_;
   const PointOnLineOptions in_space_;
   Reconstruction* model_;
-  const std::vector<IdealView> views_;  // by position of the image
+  const ViewMap views_;
   WireframeReport report_;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apps/refine/colours.h"
+#include "holba/pipeline/colours.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,37 +1,40 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apps/refine/regions.h"
+#include "holba/pipeline/regions.h"
 
-#include <set>
 #include <utility>
 #include <vector>
 
 #include "holba/frontend/importers/import_correspondences.h"
+#include "holba/pipeline/image_pairs.h"
+#include "holba/scene/covisibility.h"
 
 namespace holba {
 namespace {
 
-using MatchedPixels = std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>>;
-
 // Of images with label maps, in both directions: a field leads from one image into another.
-std::map<std::pair<image_t, image_t>, MatchedPixels> SharedPixels(const ImageFeatureMap& features,
-                                                                  const Reconstruction& model) {
-  const auto labelled = [&](image_t id) {
-    const auto it = features.find(id);
-    return it != features.end() && !it->second.label_map.empty();
-  };
-  std::map<std::pair<image_t, image_t>, MatchedPixels> shared;
-  for (const auto& [point_id, point] : model.points3D) {
-    for (const PointObservation& from : point.track) {
-      if (!labelled(from.image_id)) continue;
-      for (const PointObservation& to : point.track) {
-        if (to.image_id == from.image_id || !labelled(to.image_id)) continue;
-        shared[{from.image_id, to.image_id}].emplace_back(
-            model.images.at(from.image_id).points2D[from.point2D_idx].xy,
-            model.images.at(to.image_id).points2D[to.point2D_idx].xy);
-      }
+std::map<std::pair<image_t, image_t>, std::vector<SharedPoint>> SharedPixels(
+    const ImageFeatureMap& features, const Reconstruction& model) {
+  const Covisibility covisibility(model);
+  std::vector<image_t> image_ids;
+  std::vector<bool> is_labelled;
+  for (const auto& [image_id, image] : model.images) {
+    const auto it = features.find(image_id);
+    image_ids.push_back(image_id);
+    is_labelled.push_back(it != features.end() && !it->second.label_map.empty());
+  }
+  std::map<std::pair<image_t, image_t>, std::vector<SharedPoint>> pixels;
+  for (size_t i = 0; i < image_ids.size(); ++i) {
+    if (!is_labelled[i]) continue;
+    const auto neighbours = covisibility.NeighboursOf(i);
+    const Covisibility::Shared shared = covisibility.SharedWithNeighbours(i);
+    for (size_t k = 0; k < neighbours.size(); ++k) {
+      const uint32_t j = neighbours[k].image_idx;
+      if (!is_labelled[j]) continue;
+      pixels[{image_ids[i], image_ids[j]}] =
+          PixelsOf(model.images.at(image_ids[i]), model.images.at(image_ids[j]), shared[k]);
     }
   }
-  return shared;
+  return pixels;
 }
 
 Eigen::Vector2d SizeOf(const Reconstruction& model, image_t id) {

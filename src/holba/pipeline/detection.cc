@@ -1,21 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apps/refine/detection.h"
+#include "holba/pipeline/detection.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstring>
-#include <set>
 #include <vector>
 
 #include "holba/base/error.h"
 #include "holba/base/log.h"
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
-#include "holba/frontend/importers/import_line_matches.h"
 #include "holba/frontend/importers/import_regions.h"
 #include "holba/frontend/photographs/photograph.h"
-#include "holba/io/files.h"
+#include "holba/pipeline/settings.h"
 #include "holba/scene/ideal_view.h"
 
 namespace holba {
@@ -25,53 +22,18 @@ namespace {
 // Images detected between two writes to the database: what an interruption may lose.
 constexpr size_t kImagesPerWrite = 8;
 
-std::string TextOf(std::string name, const OptionTable& table) {
-  for (const Option& option : table.options())
-    name += fmt::format(" {}={}", option.name, option.get());
-  return name;
-}
-
-template <typename Options>
-std::string TextOf(std::string name, Options options) {
-  OptionTable table;
-  options.Describe(&table);
-  return TextOf(std::move(name), table);
-}
-
-// FNV-1a: what was made from other bytes was made with other settings.
-uint64_t Hash(const void* data, size_t size, uint64_t hash = 0xcbf29ce484222325ULL) {
-  for (size_t i = 0; i < size; ++i)
-    hash = (hash ^ static_cast<const uint8_t*>(data)[i]) * 0x100000001b3ULL;
-  return hash;
-}
-
 void AddCounts(const std::map<std::string, size_t>& counts, std::map<std::string, size_t>* sum) {
   for (const auto& [reason, count] : counts) (*sum)[reason] += count;
 }
 
 uint64_t HashOf(const ImportedSegments& imported) {
-  uint64_t hash = Hash(imported.descriptors.data(), imported.descriptors.size() * sizeof(float));
+  uint64_t hash =
+      HashBytes(imported.descriptors.data(), imported.descriptors.size() * sizeof(float));
   for (const LineSegment2d& s : imported.segments) {
     const double values[4] = {s.start.x(), s.start.y(), s.end.x(), s.end.y()};
-    hash = Hash(values, sizeof(values), hash);
+    hash = HashBytes(values, sizeof(values), hash);
   }
   return hash;
-}
-
-// Of the bytes, eight at a time; 0: there is no such file, which its reader will say.
-uint64_t HashOfFile(const fs::path& path) {
-  std::error_code error;
-  if (!fs::is_regular_file(path, error)) return 0;
-  const std::string bytes = ReadFileBytes(path);
-  uint64_t hash = Hash(nullptr, 0) ^ bytes.size();
-  size_t i = 0;
-  for (; i + sizeof(uint64_t) <= bytes.size(); i += sizeof(uint64_t)) {
-    uint64_t word;
-    std::memcpy(&word, bytes.data() + i, sizeof(word));
-    hash = (hash ^ word) * 0x100000001b3ULL;
-    hash ^= hash >> 32;  // the high bits of a word reach all others
-  }
-  return Hash(bytes.data() + i, bytes.size() - i, hash);
 }
 
 struct ImageTask {
@@ -155,40 +117,6 @@ void Store(const ImageTask& task, Database* database) {
   transaction.Commit();
 }
 
-// Pairs whose segments are worth matching, and where they see the same points.
-std::map<ImagePair, std::vector<SharedPoint>> PairsWithSharedPoints(const DetectionOptions& options,
-                                                                    const Reconstruction& model) {
-  std::map<ImagePair, std::vector<SharedPoint>> shared;
-  for (const auto& [point_id, point] : model.points3D) {
-    for (size_t a = 0; a < point.track.size(); ++a) {
-      for (size_t b = 0; b < point.track.size(); ++b) {
-        const PointObservation &first = point.track[a], &second = point.track[b];
-        if (first.image_id >= second.image_id) continue;
-        shared[{first.image_id, second.image_id}].emplace_back(
-            model.images.at(first.image_id).points2D[first.point2D_idx].xy,
-            model.images.at(second.image_id).points2D[second.point2D_idx].xy);
-      }
-    }
-  }
-  std::map<image_t, std::vector<std::pair<size_t, image_t>>> partners;
-  for (const auto& [pair, points] : shared) {
-    if (points.size() < static_cast<size_t>(options.min_shared_points)) continue;
-    partners[pair.first].emplace_back(points.size(), pair.second);
-    partners[pair.second].emplace_back(points.size(), pair.first);
-  }
-  std::set<ImagePair> chosen;
-  for (auto& [image_id, list] : partners) {
-    std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) {
-      return a.first != b.first ? a.first > b.first : a.second < b.second;
-    });
-    list.resize(std::min(list.size(), static_cast<size_t>(options.max_pairs_per_image)));
-    for (const auto& [count, partner] : list)
-      chosen.insert({std::min(image_id, partner), std::max(image_id, partner)});
-  }
-  std::erase_if(shared, [&](const auto& entry) { return !chosen.contains(entry.first); });
-  return shared;
-}
-
 }  // namespace
 
 void ImportPaths::Describe(OptionTable* table) {
@@ -239,13 +167,6 @@ void DetectionOptions::Describe(OptionTable* table) {
   region_normals.Describe(table);
   extraction.Describe(table);
   vps.Describe(table);
-  matching.Describe(table);
-  table->Section("LineMatching");
-  table->Field("max_pairs_per_image", &max_pairs_per_image, AtLeast(1),
-               "Images whose segments are matched with those of an image: those that share most "
-               "points with it.");
-  table->Field("min_shared_points", &min_shared_points, AtLeast(0),
-               "Points that such images share at least.");
 }
 
 ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& image_path,
@@ -267,7 +188,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& 
   }
 
   std::vector<ImageTask> tasks;
-  const std::string vp_text = TextOf("vanishing points 1", options.vps);
+  const std::string vp_text = SettingsText("vanishing points 1", options.vps);
   for (const auto& [image_id, image] : model.images) {
     ImageTask task{image_id, database_id.at(image_id), &image, &model.cameras.at(image.camera_id),
                    image_path / image.name};
@@ -281,7 +202,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& 
   }
   ParallelTasks(options.num_threads, tasks.size(), [&](size_t i) {
     ImageTask& task = tasks[i];
-    task.feature_settings += fmt::format(" photograph={:016x}", HashOfFile(task.path));
+    task.feature_settings += fmt::format(" photograph={:016x}", HashFile(task.path));
     task.vp_settings =
         fmt::format("{} of {} camera={}", vp_text, task.feature_settings, ToString(*task.camera));
   });
@@ -318,7 +239,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& 
     AddCounts(regions.dropped, &report->dropped);
     LogInfo("Imported label maps of {} images ({} have none): {} regions, {} normals of planes",
             regions.num_maps, regions.num_images_without, regions.num_regions, regions.num_normals);
-    const std::string settings = TextOf("imported", options.region_normals);
+    const std::string settings = SettingsText("imported", options.region_normals);
     Database::Transaction transaction(database);
     for (const auto& [image_id, f] : features) {
       database->WriteLabelMap(database_id.at(image_id), settings, f.label_map);
@@ -330,91 +251,13 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& 
   return features;
 }
 
-LineMatchMap MatchLines(const DetectionOptions& options, const Reconstruction& model,
-                        const ImageFeatureMap& features,
-                        const std::map<image_t, image_t>& database_id,
-                        const std::map<image_t, ImportedSegments>& imported, Database* database,
-                        DetectionReport* report) {
-  const Timer timer;
-  LineMatchMap matches;
-  if (!options.imports.line_matches.empty()) {
-    LineMatchImportReport import_report;
-    matches = ImportLineMatches(options.imports.line_matches, model, imported, &import_report);
-    AddCounts(import_report.dropped, &report->dropped);
-    report->matches_imported = true;
-    report->num_pairs = import_report.num_pairs;
-    report->num_line_matches = import_report.num_matches;
-    const std::string settings = "imported";
-    Database::Transaction transaction(database);
-    for (const auto& [pair, list] : matches)
-      database->WriteLineMatches(database_id.at(pair.first), database_id.at(pair.second), settings,
-                                 list);
-    transaction.Commit();
-    report->match_seconds = timer.Seconds();
-    return matches;
-  }
-
-  const auto shared = PairsWithSharedPoints(options, model);
-  const std::string text = TextOf("guided matching 2", options.matching);
-  // The segments are the stored ones (new ones remove their matches).
-  static_assert(sizeof(SharedPoint) == 4 * sizeof(double));
-  const auto camera_of = [&](image_t id) {
-    return ToString(model.cameras.at(model.images.at(id).camera_id));
-  };
-  const auto settings_of = [&](const ImagePair& pair, const std::vector<SharedPoint>& points,
-                               const Eigen::Matrix3d& F) {
-    return fmt::format("{} geometry={:016x} points={:016x} cameras={}, {}", text,
-                       Hash(F.data(), 9 * sizeof(double)),
-                       Hash(points.data(), points.size() * sizeof(SharedPoint)),
-                       camera_of(pair.first), camera_of(pair.second));
-  };
-  struct PairTask {
-    ImagePair pair;
-    const std::vector<SharedPoint>* points;
-    Eigen::Matrix3d F;
-    std::string settings;
-    std::vector<LineMatch> matches;
-  };
-  std::vector<PairTask> open;
-  for (const auto& [pair, points] : shared) {
-    const Eigen::Matrix3d F =
-        FundamentalMatrix(IdealView(model, pair.first), IdealView(model, pair.second));
-    std::string settings = settings_of(pair, points, F);
-    auto stored = database->ReadLineMatches(database_id.at(pair.first), database_id.at(pair.second),
-                                            settings);
-    if (stored) {
-      matches.emplace(pair, std::move(*stored));
-    } else {
-      open.push_back({pair, &points, F, std::move(settings), {}});
-    }
-  }
-  report->num_pairs = shared.size();
-  report->pairs_reused = matches.size();
-
-  std::map<image_t, MatchableSegments> matchable;
-  for (const PairTask& task : open) {
-    for (image_t id : {task.pair.first, task.pair.second}) {
-      if (matchable.contains(id)) continue;
-      matchable.emplace(
-          id, MakeMatchable(features.at(id), model.cameras.at(model.images.at(id).camera_id)));
-    }
-  }
-  ParallelTasks(options.num_threads, open.size(), [&](size_t i) {
-    PairTask& task = open[i];
-    const auto& [id1, id2] = task.pair;
-    task.matches =
-        MatchSegments(options.matching, matchable.at(id1), matchable.at(id2), *task.points, task.F);
-  });
-  Database::Transaction transaction(database);
-  for (PairTask& task : open) {
-    database->WriteLineMatches(database_id.at(task.pair.first), database_id.at(task.pair.second),
-                               task.settings, task.matches);
-    matches.emplace(task.pair, std::move(task.matches));
-  }
-  transaction.Commit();
-  for (const auto& [pair, list] : matches) report->num_line_matches += list.size();
-  report->match_seconds = timer.Seconds();
-  return matches;
+std::string DetectionText(const DetectionReport& report, const fs::path& database) {
+  return fmt::format(
+      "{} images: {} segments, {} vanishing points, {} corners ({} images from {}, {} detected), "
+      "{:.1f} s",
+      report.num_images, report.num_segments, report.num_vanishing_points, report.num_corners,
+      report.images_reused, database.string(), report.num_images - report.images_reused,
+      report.detect_seconds);
 }
 
 }  // namespace holba

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What `holba refine` writes beside the model, for people to look at.
+// What is written beside a model for people to look at.
 #pragma once
 
 #include <filesystem>

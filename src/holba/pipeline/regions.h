@@ -6,10 +6,11 @@
 #include <map>
 #include <string>
 
-#include "apps/refine/detection.h"
+#include "holba/estimation/groups/group_forming.h"
 #include "holba/frontend/matching/label_maps.h"
 #include "holba/frontend/matching/region_matching.h"
-#include "holba/sfm/structure.h"
+#include "holba/scene/image_features.h"
+#include "holba/scene/reconstruction.h"
 
 namespace holba {
 
@@ -34,7 +35,8 @@ struct RegionReport {
   std::map<std::string, size_t> dropped;
 };
 
-// Adds the typed regions of the label maps to groups2D of the images.
+// Adds the typed regions of the label maps to groups2D of the images. `field_path`: folder of dense
+// correspondences for kWarp; empty: interpolated. `matches`: of segments, for kVotes.
 RegionObservations ObserveRegions(const RegionOptions& options, const std::string& field_path,
                                   const ImageFeatureMap& features, const LineMatchMap& matches,
                                   Reconstruction* model, RegionReport* report);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What is in the photographs of a model: detected, imported or taken from the database, and kept
-// there. First of the steps of `holba refine`.
+// there.
 #pragma once
 
 #include <filesystem>
@@ -11,8 +11,6 @@
 #include "holba/frontend/detectors/feature_extractor.h"
 #include "holba/frontend/importers/import_dense_maps.h"
 #include "holba/frontend/importers/import_segments.h"
-#include "holba/frontend/matching/label_maps.h"
-#include "holba/frontend/matching/line_matching.h"
 #include "holba/io/database.h"
 #include "holba/scene/image_features.h"
 #include "holba/scene/reconstruction.h"
@@ -39,11 +37,6 @@ struct DetectionOptions {
   RegionNormalOptions region_normals;
   ExtractionOptions extraction;
   VanishingPointOptions vps;
-  LineMatchingOptions matching;
-  // Pairs of images whose segments are matched: for each image those that share most points with
-  // it, with at least this many shared points.
-  int max_pairs_per_image = 20;
-  int min_shared_points = 10;
   int num_threads = -1;
 
   void Describe(OptionTable* table);
@@ -53,11 +46,8 @@ struct DetectionReport {
   size_t num_images = 0;
   size_t images_reused = 0;  // all of it was in the database
   size_t num_segments = 0, num_corners = 0, num_vanishing_points = 0, num_labelled_regions = 0;
-  size_t num_pairs = 0, pairs_reused = 0;
-  bool matches_imported = false;
-  size_t num_line_matches = 0;
   std::map<std::string, size_t> dropped;  // of imports
-  double detect_seconds = 0.0, match_seconds = 0.0;
+  double detect_seconds = 0.0;
 };
 
 // Features of every image of the model. `database_id`: Database::MatchImages. `imported`: the
@@ -68,11 +58,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options,
                                std::map<image_t, ImportedSegments>* imported,
                                DetectionReport* report);
 
-// Matches of segments of pairs of images that share points.
-LineMatchMap MatchLines(const DetectionOptions& options, const Reconstruction& model,
-                        const ImageFeatureMap& features,
-                        const std::map<image_t, image_t>& database_id,
-                        const std::map<image_t, ImportedSegments>& imported, Database* database,
-                        DetectionReport* report);
+// One line, for the log.
+std::string DetectionText(const DetectionReport& report, const std::filesystem::path& database);
 
 }  // namespace holba

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "apps/refine/output.h"
+#include "holba/pipeline/output.h"
 
 #include <algorithm>
 #include <map>

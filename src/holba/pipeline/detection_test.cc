@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/pipeline/detection.h"
+
+#include <gmock/gmock.h>
+
+#include "holba/base/error.h"
+#include "holba/pipeline/pipeline_testing.h"
+
+namespace holba {
+namespace {
+
+using ::testing::HasSubstr;
+
+class Detection : public PipelineTest {
+ protected:
+  ImageFeatureMap Detect(DetectionReport* report) {
+    *report = {};
+    Database database(folder_ / "database.db");
+    std::map<image_t, ImportedSegments> imported;
+    return DetectFeatures(options_, folder_, model_, database.MatchImages(model_), &database,
+                          &imported, report);
+  }
+  size_t NumReused() {
+    DetectionReport report;
+    Detect(&report);
+    EXPECT_EQ(report.num_images, 3u);
+    return report.images_reused;
+  }
+
+  DetectionOptions options_{.num_threads = 2};
+};
+
+void ExpectSame(const ImageFeatureMap& a, const ImageFeatureMap& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (const auto& [image_id, f] : a) {
+    const ImageFeatures& g = b.at(image_id);
+    ASSERT_EQ(f.segments.size(), g.segments.size());
+    for (size_t i = 0; i < f.segments.size(); ++i) {
+      EXPECT_EQ(f.segments[i].start, g.segments[i].start);
+      EXPECT_EQ(f.segments[i].end, g.segments[i].end);
+    }
+    EXPECT_EQ(f.segment_descriptors, g.segment_descriptors);
+    EXPECT_EQ(f.corners, g.corners);
+    EXPECT_EQ(f.corner_descriptors, g.corner_descriptors);
+    EXPECT_EQ(f.vp_of_segment, g.vp_of_segment);
+    EXPECT_EQ(f.vanishing_points.size(), g.vanishing_points.size());
+  }
+}
+
+TEST_F(Detection, OfASecondRunTakesAllFromTheDatabase) {
+  DetectionReport first, second;
+  const ImageFeatureMap found = Detect(&first);
+  EXPECT_EQ(first.images_reused, 0u);
+  // Six rectangles of four sides in each of three images.
+  EXPECT_GE(first.num_segments, 72u);
+  EXPECT_GE(first.num_corners, 72u);
+  const ImageFeatureMap stored = Detect(&second);
+  EXPECT_EQ(second.images_reused, 3u);
+  EXPECT_EQ(second.num_segments, first.num_segments);
+  EXPECT_EQ(second.num_corners, first.num_corners);
+  EXPECT_EQ(second.num_vanishing_points, first.num_vanishing_points);
+  ExpectSame(found, stored);
+}
+
+TEST_F(Detection, NoticesAChangedPhotograph) {
+  EXPECT_EQ(NumReused(), 0u);
+  WritePhotograph(5, 180.0);
+  EXPECT_EQ(NumReused(), 2u);
+  EXPECT_EQ(NumReused(), 3u);
+}
+
+TEST_F(Detection, NoticesOtherOptionsAndOtherCameras) {
+  EXPECT_EQ(NumReused(), 0u);
+  options_.num_threads = 1;
+  EXPECT_EQ(NumReused(), 3u) << "threads change nothing";
+  options_.vps.max_error_px *= 2.0;
+  EXPECT_EQ(NumReused(), 0u);
+  model_.cameras.at(1).params[0] += 1.0;
+  EXPECT_EQ(NumReused(), 0u);
+  EXPECT_EQ(NumReused(), 3u);
+}
+
+TEST_F(Detection, TakesImportedSegmentsAndNoticesOthers) {
+  const auto text = [](double x) {
+    std::string all;
+    for (const char* name : {"3.png", "5.png"}) {
+      all += "IMAGE " + std::string(name) + "\n10 20 " + std::to_string(x) + " 25\n30 40 90 140\n";
+    }
+    return all;
+  };
+  options_.imports.segments = Write("segments.txt", text(100.0)).string();
+  DetectionReport report;
+  const ImageFeatureMap features = Detect(&report);
+  EXPECT_EQ(report.num_segments, 4u);
+  EXPECT_TRUE(features.at(8).segments.empty());
+  EXPECT_EQ(NumReused(), 3u);
+  Write("segments.txt", text(101.0));
+  EXPECT_EQ(NumReused(), 1u) << "the image without segments";
+}
+
+TEST_F(Detection, RefusesPhotographsOfAnotherSize) {
+  model_.cameras.at(1).width = 300;
+  DetectionReport report;
+  try {
+    Detect(&report);
+    FAIL() << "the photographs have another size";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("240 x 180 pixels, its camera in the model 300 x 180"));
+  }
+}
+
+TEST(ImportPaths, SayWhatIsMissing) {
+  const auto message = [](const ImportPaths& paths) {
+    try {
+      paths.Check();
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(message({}), "");
+  EXPECT_THAT(message({.segments = "/nowhere"}), HasSubstr("--Import.segments_path"));
+  const std::string here = testing::TempDir();
+  EXPECT_THAT(message({.line_matches = here}), HasSubstr("needs --Import.segments_path"));
+  EXPECT_THAT(message({.depths = here}), HasSubstr("needs --Import.labels_path"));
+  EXPECT_EQ(message({.labels = here, .depths = here}), "");
+}
+
+}  // namespace
+}  // namespace holba

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/pipeline/match_lines.h"
+
+#include <fmt/format.h>
+
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "holba/base/threads.h"
+#include "holba/base/timer.h"
+#include "holba/frontend/importers/import_line_matches.h"
+#include "holba/pipeline/settings.h"
+#include "holba/scene/views.h"
+
+namespace holba {
+namespace {
+
+void ImportMatches(const std::string& import_path, const Reconstruction& model,
+                   const std::map<image_t, image_t>& database_id,
+                   const std::map<image_t, ImportedSegments>& imported, Database* database,
+                   LineMatchMap* matches, MatchLinesReport* report) {
+  LineMatchImportReport import_report;
+  *matches = ImportLineMatches(import_path, model, imported, &import_report);
+  for (const auto& [reason, count] : import_report.dropped) report->dropped[reason] += count;
+  report->matches_imported = true;
+  report->num_pairs = import_report.num_pairs;
+  report->num_line_matches = import_report.num_matches;
+  Database::Transaction transaction(database);
+  for (const auto& [pair, list] : *matches) {
+    database->WriteLineMatches(database_id.at(pair.first), database_id.at(pair.second), "imported",
+                               list);
+  }
+  transaction.Commit();
+}
+
+struct PairTask {
+  ImagePair pair;
+  const std::vector<SharedPoint>* points;
+  Eigen::Matrix3d F;
+  std::string settings;
+  std::vector<LineMatch> matches;
+};
+
+// All that the matches of a pair depend on but the segments: these are the stored ones (new ones
+// remove their matches).
+std::string SettingsOfPair(const std::string& matching, const Reconstruction& model,
+                       const ImagePair& pair, const std::vector<SharedPoint>& points,
+                       const Eigen::Matrix3d& F) {
+  static_assert(sizeof(SharedPoint) == 4 * sizeof(double));
+  const auto camera_of = [&](image_t id) {
+    return ToString(model.cameras.at(model.images.at(id).camera_id));
+  };
+  return fmt::format("{} geometry={:016x} points={:016x} cameras={}, {}", matching,
+                     HashBytes(F.data(), 9 * sizeof(double)),
+                     HashBytes(points.data(), points.size() * sizeof(SharedPoint)),
+                     camera_of(pair.first), camera_of(pair.second));
+}
+
+void MatchPairs(const MatchLinesOptions& options, const Reconstruction& model,
+                const ImageFeatureMap& features, std::vector<PairTask>* tasks) {
+  std::map<image_t, MatchableSegments> matchable;
+  for (const PairTask& task : *tasks) {
+    for (image_t id : {task.pair.first, task.pair.second}) {
+      if (matchable.contains(id)) continue;
+      matchable.emplace(
+          id, MakeMatchable(features.at(id), model.cameras.at(model.images.at(id).camera_id)));
+    }
+  }
+  ParallelTasks(options.num_threads, tasks->size(), [&](size_t i) {
+    PairTask& task = (*tasks)[i];
+    const auto& [id1, id2] = task.pair;
+    task.matches =
+        MatchSegments(options.matching, matchable.at(id1), matchable.at(id2), *task.points, task.F);
+  });
+}
+
+}  // namespace
+
+void MatchLinesOptions::Describe(OptionTable* table) {
+  matching.Describe(table);
+  pairs.Describe(table);
+}
+
+LineMatchMap MatchLines(const MatchLinesOptions& options, const std::string& import_path,
+                        const Reconstruction& model, const ImageFeatureMap& features,
+                        const std::map<image_t, image_t>& database_id,
+                        const std::map<image_t, ImportedSegments>& imported, Database* database,
+                        MatchLinesReport* report) {
+  const Timer timer;
+  LineMatchMap matches;
+  if (!import_path.empty()) {
+    ImportMatches(import_path, model, database_id, imported, database, &matches, report);
+    report->match_seconds = timer.Seconds();
+    return matches;
+  }
+
+  const auto pairs = PairsWithSharedPoints(options.pairs, model);
+  const std::string text = SettingsText("guided matching 2", options.matching);
+  const ViewMap views(model);
+  std::vector<PairTask> open;
+  for (const auto& [pair, points] : pairs) {
+    const Eigen::Matrix3d F = FundamentalMatrix(views.at(pair.first), views.at(pair.second));
+    std::string settings = SettingsOfPair(text, model, pair, points, F);
+    auto stored = database->ReadLineMatches(database_id.at(pair.first), database_id.at(pair.second),
+                                            settings);
+    if (stored) {
+      matches.emplace(pair, std::move(*stored));
+    } else {
+      open.push_back({pair, &points, F, std::move(settings), {}});
+    }
+  }
+  report->num_pairs = pairs.size();
+  report->pairs_reused = matches.size();
+
+  MatchPairs(options, model, features, &open);
+  Database::Transaction transaction(database);
+  for (PairTask& task : open) {
+    database->WriteLineMatches(database_id.at(task.pair.first), database_id.at(task.pair.second),
+                               task.settings, task.matches);
+    matches.emplace(task.pair, std::move(task.matches));
+  }
+  transaction.Commit();
+  for (const auto& [pair, list] : matches) report->num_line_matches += list.size();
+  report->match_seconds = timer.Seconds();
+  return matches;
+}
+
+std::string MatchingText(const MatchLinesReport& report) {
+  const std::string origin =
+      report.matches_imported
+          ? "imported"
+          : fmt::format("{} pairs from the database, {} matched", report.pairs_reused,
+                        report.num_pairs - report.pairs_reused);
+  return fmt::format("{} pairs of images: {} matches of segments ({}), {:.1f} s", report.num_pairs,
+                     report.num_line_matches, origin, report.match_seconds);
+}
+
+}  // namespace holba
