@@ -17,6 +17,7 @@
 #include "holba/base/timer.h"
 #include "holba/bundle/uncertainty.h"
 #include "holba/estimation/lines/line_leave_one_out.h"
+#include "holba/frontend/photographs/opencv_threads.h"
 #include "holba/io/database.h"
 #include "holba/io/model_io.h"
 #include "holba/io/uncertainty_file.h"
@@ -26,25 +27,21 @@ namespace {
 
 class RefineJob : public Job {
  public:
-  void Describe(OptionTable* table) override {
-    table->Field("image_path", &image_path_, "Folder of the photographs.");
-    table->Required();
-    table->Field("input_path", &input_path_, "Model with poses and points (COLMAP's).");
-    table->Required();
+  void Describe(OptionTable* table) const override {
+    table->Field("image_path", &image_path_, "Folder of the photographs.").Required();
+    table->Field("input_path", &input_path_, "Model with poses and points (COLMAP's).").Required();
     table->Field("output_path", &output_path_,
-                 "Folder of the holistic model, of pictures and of structure.ply.");
-    table->Required();
+                 "Folder of the holistic model, pictures and structure.ply.").Required();
     table->Field("database_path", &database_path_,
-                 "COLMAP database that keeps what is found in the photographs, for the next run; "
-                 "empty: database.db in the output folder.");
+                 "COLMAP database for what is found in the photographs, for the next run; empty: "
+                 "database.db in the output folder.");
     table->Choice("output_type", &format_,
                   {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
                   "Format of the model folder.");
     table->Field("num_pictures", &num_pictures_, AtLeast(-1),
                  "Photographs that are drawn upon, evenly spread over the model; -1: all.");
     table->Field("covariances", &covariances_,
-                 "Whether covariances of poses, points, lines and groups are written to "
-                 "covariances.txt.");
+                 "Whether covariances.txt is written (of poses, points, lines and groups).");
     detection_.Describe(table);
     regions_.Describe(table);
     refine_.Describe(table);
@@ -66,8 +63,8 @@ class RefineJob : public Job {
                        "this model has no images or no points; structure is built on poses and "
                        "points: triangulate first (colmap point_triangulator)");
     }
-    detection_.num_threads = refine_.num_threads = refine_.solver.num_threads;
-    refine_.structure.SetNumThreads(refine_.num_threads);
+    const int num_threads = detection_.num_threads = refine_.solver.num_threads;
+    HoldOpenCvThreads();
 
     RefineOutput output;
     const std::filesystem::path database_path =
@@ -102,19 +99,20 @@ class RefineJob : public Job {
           "images)",
           refine_.structure.lines.min_images);
     }
-    output.leave_one_out = LeaveOneOut(model, 4, refine_.num_threads);
+    output.leave_one_out = LeaveOneOut(model, 4, num_threads);
 
     const Timer write_timer;
     std::vector<point3D_t> made;
     for (point3D_t id : output.refine.structure.corners.point3D_ids) made.push_back(id);
     for (const Junction& junction : output.refine.structure.junctions.junctions)
       made.push_back(junction.point3D_id);
-    ColourFeatures(image_path_, made, refine_.num_threads, &model);
+    ColourFeatures(image_path_, made, num_threads, &model);
     WriteModel(model, output_path_, format_);
     WriteStructurePly(model, output_path_);
     if (covariances_) {
       const auto uncertainty =
-          EstimateUncertainty(model, output.refine.stage1_options, output.refine.stage1);
+          EstimateUncertainty(model, output.refine.stage1_options, output.refine.stage1,
+                              num_threads);
       if (uncertainty) {
         WriteUncertainty(*uncertainty, std::filesystem::path(output_path_) / "covariances.txt");
       } else {
@@ -123,7 +121,7 @@ class RefineJob : public Job {
             "written)");
       }
     }
-    WritePictures(model, image_path_, output_path_, num_pictures_, refine_.num_threads);
+    WritePictures(model, image_path_, output_path_, num_pictures_, num_threads);
     output.write_seconds = write_timer.Seconds();
     output.total_seconds = timer.Seconds();
     PrintResult(invocation.json ? RefineToJson(output, model).dump(2) + "\n"

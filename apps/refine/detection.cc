@@ -25,19 +25,6 @@ namespace {
 // Images detected between two writes to the database: what an interruption may lose.
 constexpr size_t kImagesPerWrite = 8;
 
-std::string TextOf(std::string name, const OptionTable& table) {
-  for (const Option& option : table.options())
-    name += fmt::format(" {}={}", option.name, option.get());
-  return name;
-}
-
-template <typename Options>
-std::string TextOf(std::string name, Options options) {
-  OptionTable table;
-  options.Describe(&table);
-  return TextOf(std::move(name), table);
-}
-
 // FNV-1a: what was made from other bytes was made with other settings.
 uint64_t Hash(const void* data, size_t size, uint64_t hash = 0xcbf29ce484222325ULL) {
   for (size_t i = 0; i < size; ++i)
@@ -191,7 +178,7 @@ std::map<ImagePair, std::vector<SharedPoint>> PairsWithSharedPoints(const Detect
 
 }  // namespace
 
-void ImportPaths::Describe(OptionTable* table) {
+void ImportPaths::Describe(OptionTable* table) const {
   table->Section("Import");
   table->Field("segments_path", &segments,
                "Line segments of another detector (text, npz, npy, HDF5), used instead of ours.");
@@ -233,7 +220,7 @@ void ImportPaths::Check() const {
   }
 }
 
-void DetectionOptions::Describe(OptionTable* table) {
+void DetectionOptions::Describe(OptionTable* table) const {
   imports.Describe(table);
   segment_import.Describe(table);
   region_normals.Describe(table);
@@ -267,7 +254,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& 
   }
 
   std::vector<ImageTask> tasks;
-  const std::string vp_text = TextOf("vanishing points 1", options.vps);
+  const std::string vp_text = "vanishing points 1" + TextOfOptions(options.vps);
   for (const auto& [image_id, image] : model.images) {
     ImageTask task{image_id, database_id.at(image_id), &image, &model.cameras.at(image.camera_id),
                    image_path / image.name};
@@ -318,7 +305,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& 
     AddCounts(regions.dropped, &report->dropped);
     LogInfo("Imported label maps of {} images ({} have none): {} regions, {} normals of planes",
             regions.num_maps, regions.num_images_without, regions.num_regions, regions.num_normals);
-    const std::string settings = TextOf("imported", options.region_normals);
+    const std::string settings = "imported" + TextOfOptions(options.region_normals);
     Database::Transaction transaction(database);
     for (const auto& [image_id, f] : features) {
       database->WriteLabelMap(database_id.at(image_id), settings, f.label_map);
@@ -355,7 +342,7 @@ LineMatchMap MatchLines(const DetectionOptions& options, const Reconstruction& m
   }
 
   const auto shared = PairsWithSharedPoints(options, model);
-  const std::string text = TextOf("guided matching 2", options.matching);
+  const std::string text = "guided matching 2" + TextOfOptions(options.matching);
   // The segments are the stored ones (new ones remove their matches).
   static_assert(sizeof(SharedPoint) == 4 * sizeof(double));
   const auto camera_of = [&](image_t id) {

@@ -28,7 +28,7 @@ struct ImportPaths {
   std::string depths;
   std::string correspondences;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
   // Throws InputError for what is not there, before anything is computed or written.
   void Check() const;
 };
@@ -46,7 +46,7 @@ struct DetectionOptions {
   int min_shared_points = 10;
   int num_threads = -1;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct DetectionReport {

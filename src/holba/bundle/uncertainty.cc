@@ -86,9 +86,8 @@ bool AddCovariances(const Reconstruction& model, const BundleOptions& options,
 
 std::optional<ModelUncertainty> EstimateUncertainty(const Reconstruction& model,
                                                     const BundleOptions& given,
-                                                    const BundleSummary& summary,
-                                                    std::span<const GroupMeasurement> measurements,
-                                                    int num_threads) {
+                                                    const BundleSummary& summary, int num_threads,
+                                                    std::span<const GroupMeasurement> measurements) {
   BundleOptions options = given;
   options.SetDefaultLosses(false);
   ModelUncertainty result;

@@ -136,7 +136,7 @@ void RemoveGroups(const std::set<group3D_t>& ids, Reconstruction* model) {
   model->groups3D.RemoveIf([&ids](group3D_t id, const Group3D&) { return ids.contains(id); });
 }
 
-void MemberOptions::Describe(OptionTable* table) {
+void MemberOptions::Describe(OptionTable* table) const {
   table->Section("Members");
   table->Field("max_error_px", &fit.max_error_px, GreaterThan(0),
                "Farthest from its group that a member may be, in pixels at its depth.");

@@ -262,7 +262,7 @@ PlaneMemberReport AddPointsToPlanes(const PlaneMemberOptions& options,
   return AddMembers(candidates, &Group3D::point3D_ids, options.num_threads, judge, &planes);
 }
 
-void PlaneMemberOptions::Describe(OptionTable* table) {
+void PlaneMemberOptions::Describe(OptionTable* table) const {
   table->Section("PlaneMembers");
   table->Field("max_distance_px", &max_distance_px, GreaterThan(0),
                "Farthest from a plane that its lines and added points may be, in pixels.");
