@@ -141,7 +141,8 @@ void CommonOptions::Describe(OptionTable* table) const {
                  {"off", LogLevel::kOff}},
                 "Least important messages to show on standard error.");
   table->Field("quiet", &quiet, "Show errors only.");
-  table->Choice("help", &help, kHelpForms, "Show the basic options (--help all: every option; --help json: for programs).");
+  table->Choice("help", &help, kHelpForms,
+                "Show the basic options (--help all: every option; --help json: for programs).");
 }
 
 HelpForm ParseHelpForm(const std::string& word) {

@@ -212,7 +212,8 @@ TEST_F(CommandLine, TheShortHelpHasALineForEachBasicOption) {
   EXPECT_THAT(help, HasSubstr("  --Solver.num_threads 2  Threads.\n"));
   EXPECT_THAT(help, HasSubstr("  --help                  Show"));
   EXPECT_THAT(help, ::testing::Not(HasSubstr("--Solver.weight")));
-  EXPECT_THAT(help, HasSubstr("'holba try --help all' has every option in full, 2 more: Solver.\n"));
+  EXPECT_THAT(help,
+              HasSubstr("'holba try --help all' has every option in full, 2 more: Solver.\n"));
 }
 
 // A command with two structs of one kind.
@@ -265,7 +266,8 @@ TEST(AllCommands, NamesAreUniqueAndOptionsDoNotHideTheCommonOnes) {
     OptionTable common_table;
     common.Describe(&common_table);
     for (const Option& option : common_table.options()) {
-      EXPECT_THAT(table.options(), ::testing::Each(::testing::Field(&Option::name, ::testing::Ne(option.name))))
+      EXPECT_THAT(table.options(),
+                  ::testing::Each(::testing::Field(&Option::name, ::testing::Ne(option.name))))
           << command.name;
     }
     for (const Option& option : table.options()) {

@@ -64,7 +64,8 @@ class BenchJob : public Job {
         .Advanced();
     table->Choice("layout", &scene_.layout,
                   {{"sphere", SceneLayout::kSphere}, {"corridor", SceneLayout::kCorridor}},
-                  "Where the cameras are (on a sphere around a cube, or in a row along a corridor).")
+                  "Where the cameras are (on a sphere around a cube, or in a row along a "
+                  "corridor).")
         .Advanced();
     table->Field("vps", &scene_.vps, "Add vanishing points and relations to the scenes.")
         .Advanced();
@@ -110,8 +111,8 @@ class BenchJob : public Job {
     table->Field("input_path", &input_path_,
                  "BAL problems of the benchmark solver, as a list a,b,c of files.");
     table->Field("problems", &problems_,
-                 "Problems of the benchmark solver, as a list (bal and local, the files, and cuts of "
-                 "them of 12 or 16 images; ring_N, sequence_N, collection_N, random_point_N, "
+                 "Problems of the benchmark solver, as a list (bal and local, the files, and cuts "
+                 "of them of 12 or 16 images; ring_N, sequence_N, collection_N, random_point_N, "
                  "random_holistic_N, near_point_N, near_holistic_N with N images).");
     table->Field("solvers", &solvers_,
                  "Solvers of the benchmark solver, as a list of beginnings of their names (native, "
