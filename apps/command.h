@@ -26,8 +26,9 @@ struct Invocation {
 class Job {
  public:
   virtual ~Job() = default;
-  // Declares the options; their defaults are the values that the members have now.
-  virtual void Describe(OptionTable* table) = 0;
+  // Declares the options; their defaults are the values that the members have now. What
+  // OptionTable::Bind calls for a table that sets them.
+  virtual void Describe(OptionTable* table) const = 0;
   // Read, do, write. Returns only if the job was done; a bad file or option is an InputError.
   virtual void Run(const Invocation& invocation) = 0;
 };

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "holba/base/error.h"
@@ -14,7 +15,12 @@
 namespace holba {
 namespace {
 
-bool IsFlag(const std::string& name) { return name == "help" || name == "json" || name == "quiet"; }
+bool IsFlag(const std::string& name) { return name == "json" || name == "quiet"; }
+
+const std::vector<std::pair<std::string, HelpForm>> kHelpForms = {{"none", HelpForm::kNone},
+                                                                  {"basic", HelpForm::kBasic},
+                                                                  {"all", HelpForm::kAll},
+                                                                  {"json", HelpForm::kJson}};
 
 size_t EditDistance(std::string_view a, std::string_view b) {
   std::vector<std::vector<size_t>> d(a.size() + 1, std::vector<size_t>(b.size() + 1));
@@ -52,6 +58,18 @@ std::string UnknownOption(const std::string& name, const std::string& shown,
                      command.name);
 }
 
+// Whatever else the words say, who asks for help gets it.
+std::optional<HelpForm> HelpAskedFor(const std::vector<std::string>& arguments) {
+  for (size_t i = 0; i < arguments.size(); ++i) {
+    const std::string& word = arguments[i];
+    if (word.starts_with("--help=")) return ParseHelpForm(word.substr(word.find('=') + 1));
+    if (word != "--help" && word != "-h") continue;
+    const bool has_value = i + 1 < arguments.size() && !arguments[i + 1].starts_with('-');
+    return ParseHelpForm(has_value ? arguments[i + 1] : "");
+  }
+  return std::nullopt;
+}
+
 // The words as (name, value), in their order in the table.
 std::map<std::string, std::string> ReadWords(const Command& command,
                                              const std::vector<std::string>& arguments,
@@ -62,7 +80,7 @@ std::map<std::string, std::string> ReadWords(const Command& command,
   std::map<std::string, CLI::Option*> parsed;
   for (const std::string& name : known) {
     CLI::Option* const option = IsFlag(name)
-                                    ? parser.add_flag(name == "help" ? "-h,--help" : "--" + name)
+                                    ? parser.add_flag("--" + name)
                                     : parser.add_option("--" + name);
     option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
     parsed.emplace(name, option);
@@ -110,11 +128,11 @@ std::string Trimmed(std::string_view text) {
 
 }  // namespace
 
-void CommonOptions::Describe(bool supports_json, OptionTable* table) {
+void CommonOptions::Describe(OptionTable* table) const {
   table->Field(
       "config", &config,
-      "File of options: lines 'name = value' and '[Section]'. The command line overrides it.");
-  if (supports_json) table->Field("json", &json, "Print the result as JSON on standard output.");
+      "File of options; the command line overrides it. Lines 'name = value' and '[Section]'.");
+  if (has_json) table->Field("json", &json, "Print the result as JSON on standard output.");
   table->Choice("log_level", &log_level,
                 {{"debug", LogLevel::kDebug},
                  {"info", LogLevel::kInfo},
@@ -123,13 +141,27 @@ void CommonOptions::Describe(bool supports_json, OptionTable* table) {
                  {"off", LogLevel::kOff}},
                 "Least important messages to show on standard error.");
   table->Field("quiet", &quiet, "Show errors only.");
-  table->Field("help", &help, "Show this help.");
+  table->Choice("help", &help, kHelpForms,
+                "Show the basic options (--help all: every option; --help json: for programs).");
+}
+
+HelpForm ParseHelpForm(const std::string& word) {
+  if (word.empty()) return HelpForm::kBasic;
+  for (const auto& [name, meaning] : kHelpForms) {
+    if (word == name && meaning != HelpForm::kNone) return meaning;
+  }
+  throw InputError(fmt::format("there is no help '{}': --help takes basic, all or json", word));
 }
 
 void ParseCommandLine(const Command& command, const std::vector<std::string>& arguments,
                       const OptionTable& table, CommonOptions* common) {
+  if (const std::optional<HelpForm> help = HelpAskedFor(arguments)) {
+    common->help = *help;
+    return;
+  }
   OptionTable common_table;
-  common->Describe(command.supports_json, &common_table);
+  common->has_json = command.supports_json;
+  common_table.Bind(common);
   const std::vector<const Option*> options = AllOptions(table, common_table);
   std::map<std::string, const Option*> by_name;
   std::vector<std::string> names;
@@ -141,10 +173,6 @@ void ParseCommandLine(const Command& command, const std::vector<std::string>& ar
 
   const std::map<std::string, std::string> words = ReadWords(command, arguments, names);
   std::map<std::string, std::string> given;
-  if (const auto it = words.find("help"); it != words.end()) {
-    by_name.at("help")->set(it->second);
-    if (common->help) return;
-  }
   if (const auto it = words.find("config"); it != words.end()) {
     std::map<std::string, uint64_t> first_line;
     for (const ConfigEntry& entry : ReadConfigFile(it->second)) {
@@ -160,7 +188,7 @@ void ParseCommandLine(const Command& command, const std::vector<std::string>& ar
             fmt::format("'{}' is given twice, first in line {}", entry.name, first->second));
       }
       try {
-        found->second->set(entry.value);
+        found->second->SetText(entry.value);
       } catch (const InputError& error) {
         throw InputError::AtLine(it->second, entry.line, error.what());
       }
@@ -168,7 +196,7 @@ void ParseCommandLine(const Command& command, const std::vector<std::string>& ar
     }
   }
   for (const auto& [name, value] : words) {
-    by_name.at(name)->set(value);
+    by_name.at(name)->SetText(value);
     given[name] = value;
   }
   for (const Option* option : options) {

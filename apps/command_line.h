@@ -15,16 +15,26 @@
 
 namespace holba {
 
+// What is said instead of running a command.
+enum class HelpForm {
+  kNone,
+  kBasic,  // the basic options, a line each
+  kAll,    // every option with type, default, range and sentence
+  kJson    // every option as one JSON object, for generators of docs and bindings
+};
+
 // The options that every command has.
 struct CommonOptions {
   std::string config;  // path; only on the command line
   LogLevel log_level = LogLevel::kInfo;
   bool quiet = false;
   bool json = false;
-  bool help = false;  // only on the command line
+  HelpForm help = HelpForm::kNone;  // only on the command line
+  bool has_json = true;  // no option: whether the command supports --json
 
-  // The flags are declared as booleans; on the command line their name alone sets them.
-  void Describe(bool supports_json, OptionTable* table);
+  // The flags are declared as booleans; on the command line their name alone sets them. The name
+  // of `help` alone, too, is enough.
+  void Describe(OptionTable* table) const;
 };
 
 // Sets the options of `table` and `common` from the config file (if any), then from `arguments`
@@ -50,8 +60,11 @@ std::vector<ConfigEntry> ReadConfigFile(const std::filesystem::path& path);
 // near.
 std::string Nearest(std::string_view word, const std::vector<std::string>& candidates);
 
-// Help of one command: usage, what it does, all options with type, default, range and sentence.
-std::string CommandHelp(const Command& command);
+// The form that a word names (empty: basic). Throws InputError if it names none.
+HelpForm ParseHelpForm(const std::string& word);
+
+// Help of one command in a form that is not kNone: usage, what it does, its options.
+std::string CommandHelp(const Command& command, HelpForm form);
 // Help of the program: usage and the table of commands.
 std::string ProgramHelp();
 

@@ -8,10 +8,13 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 #include <vector>
 
 #include "holba/base/error.h"
+#include "holba/solver/solver.h"
 
 namespace holba {
 namespace {
@@ -26,12 +29,11 @@ struct Values {
   bool refine = true;
   std::vector<double> shift = {0, 0, 0};
 
-  void Describe(OptionTable* table) {
-    table->Field("input_path", &input_path, "Where from.");
-    table->Required();
+  void Describe(OptionTable* table) const {
+    table->Field("input_path", &input_path, "Where from.").Required();
     table->Field("shift", &shift, AnyValue(), "How far.");
     table->Section("Solver");
-    table->Field("num_threads", &num_threads, AtLeast(1), "Threads.");
+    table->Field("num_threads", &num_threads, AtLeast(1), "Threads.").Basic();
     table->Field("weight", &weight, Between(0, 1), "Weight.");
     table->Field("refine", &refine, "Whether to.");
   }
@@ -39,7 +41,7 @@ struct Values {
 
 class ValuesJob : public Job {
  public:
-  void Describe(OptionTable* table) override { values_.Describe(table); }
+  void Describe(OptionTable* table) const override { values_.Describe(table); }
   void Run(const Invocation&) override {}
 
  private:
@@ -69,7 +71,7 @@ class CommandLine : public ::testing::Test {
     values_ = {};
     common_ = {};
     OptionTable table;
-    values_.Describe(&table);
+    table.Bind(&values_);
     ParseCommandLine(TestCommand(supports_json), words, table, &common_);
   }
   // Message of the InputError; empty: none was thrown.
@@ -124,9 +126,16 @@ TEST_F(CommandLine, AMissingValueIsRefusedByName) {
 TEST_F(CommandLine, ARequiredOptionMustBeGivenUnlessHelpIsAskedFor) {
   EXPECT_THAT(Refusal({"--Solver.num_threads", "1"}), HasSubstr("--input_path is required"));
   Parse({"--help"});
-  EXPECT_TRUE(common_.help);
+  EXPECT_EQ(common_.help, HelpForm::kBasic);
   Parse({"-h"});
-  EXPECT_TRUE(common_.help);
+  EXPECT_EQ(common_.help, HelpForm::kBasic);
+  Parse({"--help", "--Solver.num_threads", "1"});
+  EXPECT_EQ(common_.help, HelpForm::kBasic);
+  Parse({"--help", "all"});
+  EXPECT_EQ(common_.help, HelpForm::kAll);
+  Parse({"--help=json"});
+  EXPECT_EQ(common_.help, HelpForm::kJson);
+  EXPECT_THAT(Refusal({"--help", "everything"}), HasSubstr("basic, all or json"));
 }
 
 TEST_F(CommandLine, AnOptionGivenTwiceIsRefused) {
@@ -180,8 +189,8 @@ TEST_F(CommandLine, AConfigFileIsRefusedWithFileAndLine) {
   EXPECT_THAT(Refusal({"--config", folder_.string()}), HasSubstr("cannot open the config file"));
 }
 
-TEST_F(CommandLine, HelpNamesEveryOptionWithTypeDefaultRangeAndSentence) {
-  const std::string help = CommandHelp(TestCommand(true));
+TEST_F(CommandLine, TheWholeHelpNamesEveryOptionWithTypeDefaultRangeAndSentence) {
+  const std::string help = CommandHelp(TestCommand(true), HelpForm::kAll);
   for (const char* text :
        {"--input_path text  (required)", "Where from.",
         "--Solver.num_threads int  (default: 2; at least 1)", "Threads.",
@@ -192,7 +201,55 @@ TEST_F(CommandLine, HelpNamesEveryOptionWithTypeDefaultRangeAndSentence) {
         "Usage: holba try --input_path VALUE [options]"}) {
     EXPECT_THAT(help, HasSubstr(text));
   }
-  EXPECT_THAT(CommandHelp(TestCommand(false)), ::testing::Not(HasSubstr("--json")));
+  EXPECT_THAT(CommandHelp(TestCommand(false), HelpForm::kAll),
+              ::testing::Not(HasSubstr("--json")));
+}
+
+TEST_F(CommandLine, TheShortHelpHasALineForEachBasicOption) {
+  const std::string help = CommandHelp(TestCommand(true), HelpForm::kBasic);
+  EXPECT_THAT(help, HasSubstr("  --input_path VALUE      Where from.\n"));
+  EXPECT_THAT(help, HasSubstr("  --shift 0,0,0           How far.\n"));
+  EXPECT_THAT(help, HasSubstr("  --Solver.num_threads 2  Threads.\n"));
+  EXPECT_THAT(help, HasSubstr("  --help                  Show"));
+  EXPECT_THAT(help, ::testing::Not(HasSubstr("--Solver.weight")));
+  EXPECT_THAT(help,
+              HasSubstr("'holba try --help all' has every option in full, 2 more: Solver.\n"));
+}
+
+// A command with two structs of one kind.
+struct TwoSolvers {
+  SolverOptions solver;
+  SolverOptions local_solver;
+
+  void Describe(OptionTable* table) const {
+    solver.Describe(table);
+    table->Nest("Local", local_solver);
+  }
+};
+
+TEST_F(CommandLine, TwoStructsOfOneKindAreSetApart) {
+  const auto parsed = [&](const std::vector<std::string>& words) {
+    TwoSolvers options;
+    OptionTable table;
+    table.Bind(&options);
+    ParseCommandLine(TestCommand(false), words, table, &common_);
+    return options;
+  };
+  const TwoSolvers by_words =
+      parsed({"--Solver.max_num_iterations", "7", "--Local.Solver.max_num_iterations", "8",
+              "--Local.Solver.linear_solver=dense"});
+  const TwoSolvers by_file = parsed({"--config", Config("[Local]\n"
+                                                        "Solver.linear_solver = dense\n"
+                                                        "[Solver]\n"
+                                                        "max_num_iterations = 7\n"
+                                                        "[Local.Solver]\n"
+                                                        "max_num_iterations = 8\n")});
+  for (const TwoSolvers& options : {by_words, by_file}) {
+    EXPECT_EQ(options.solver.max_num_iterations, 7);
+    EXPECT_EQ(options.local_solver.max_num_iterations, 8);
+    EXPECT_EQ(options.solver.linear_solver, LinearSolver::kAuto);
+    EXPECT_EQ(options.local_solver.linear_solver, LinearSolver::kDense);
+  }
 }
 
 TEST(AllCommands, NamesAreUniqueAndOptionsDoNotHideTheCommonOnes) {
@@ -206,12 +263,69 @@ TEST(AllCommands, NamesAreUniqueAndOptionsDoNotHideTheCommonOnes) {
     OptionTable table;
     job->Describe(&table);
     CommonOptions common;
-    EXPECT_NO_THROW(ParseCommandLine(command, {"--help"}, table, &common)) << command.name;
+    OptionTable common_table;
+    common.Describe(&common_table);
+    for (const Option& option : common_table.options()) {
+      EXPECT_THAT(table.options(),
+                  ::testing::Each(::testing::Field(&Option::name, ::testing::Ne(option.name))))
+          << command.name;
+    }
     for (const Option& option : table.options()) {
       EXPECT_TRUE(option.sentence.ends_with('.')) << command.name << " --" << option.name;
     }
   }
   EXPECT_THAT(names, ::testing::Not(SizeIs(0)));
+}
+
+TEST(AllCommands, TheShortHelpIsOneScreenOfWholeClauses) {
+  for (const Command& command : AllCommands()) {
+    const std::string help = CommandHelp(command, HelpForm::kBasic);
+    std::istringstream lines(help);
+    int num_lines = 0;
+    for (std::string line; std::getline(lines, line); ++num_lines) {
+      EXPECT_LE(line.size(), 100u) << line;
+      EXPECT_FALSE(line.ends_with(" ...")) << "no clause of its sentence fits: " << line;
+    }
+    EXPECT_LE(num_lines, 40) << command.name;
+  }
+}
+
+TEST(AllCommands, AProgramCanReadEveryOptionWithItsType) {
+  for (const Command& command : AllCommands()) {
+    const auto json = nlohmann::json::parse(CommandHelp(command, HelpForm::kJson));
+    EXPECT_EQ(json.at("command"), command.name);
+    const auto job = command.make_job();
+    OptionTable table;
+    job->Describe(&table);
+    ASSERT_EQ(json.at("options").size(), table.options().size());
+    for (size_t i = 0; i < table.options().size(); ++i) {
+      const Option& option = table.options()[i];
+      const nlohmann::json& found = json.at("options").at(i);
+      EXPECT_EQ(found.at("name"), option.name);
+      const nlohmann::json& value = found.at("default");
+      const std::string type = found.at("type");
+      if (type == "bool") {
+        EXPECT_EQ(value, std::get<bool>(option.default_value));
+      } else if (type == "int") {
+        EXPECT_EQ(value, std::get<int>(option.default_value));
+      } else if (type == "uint") {
+        EXPECT_EQ(value, std::get<uint64_t>(option.default_value));
+      } else if (type == "double") {
+        EXPECT_EQ(value, std::get<double>(option.default_value));
+      } else if (type == "doubles") {
+        EXPECT_EQ(value, std::get<std::vector<double>>(option.default_value));
+      } else {
+        EXPECT_EQ(value, std::get<std::string>(option.default_value));
+      }
+      if (type == "choice") {
+        EXPECT_THAT(found.at("choices"), ::testing::Contains(value)) << option.name;
+      } else if (value.is_number() && !found.at("range").at("low").is_null()) {
+        EXPECT_GE(value.get<double>(), found.at("range").at("low").get<double>()) << option.name;
+      }
+      EXPECT_EQ(found.at("level"),
+                option.level == OptionLevel::kBasic ? "basic" : "advanced");
+    }
+  }
 }
 
 }  // namespace

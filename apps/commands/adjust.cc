@@ -15,11 +15,10 @@ namespace {
 
 class AdjustJob : public Job {
  public:
-  void Describe(OptionTable* table) override {
-    table->Field("input_path", &input_path_, "Model folder, or a BAL file.");
-    table->Required();
-    table->Field("output_path", &output_path_, "Model folder; for a BAL file, a BAL file.");
-    table->Required();
+  void Describe(OptionTable* table) const override {
+    table->Field("input_path", &input_path_, "Model folder, or a BAL file.").Required();
+    table->Field("output_path", &output_path_, "Model folder; for a BAL file, a BAL file.")
+        .Required();
     table->Choice("output_type", &format_,
                   {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
                   "Format of the model folder.");

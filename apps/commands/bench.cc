@@ -38,20 +38,19 @@ class BenchJob : public Job {
     solver_.num_threads = 1;
   }
 
-  void Describe(OptionTable* table) override {
+  void Describe(OptionTable* table) const override {
     table->Choice("benchmark", &benchmark_,
                   {{"iterations", Benchmark::kIterations},
                    {"wireframe_form", Benchmark::kWireframeForm},
                    {"accuracy", Benchmark::kAccuracy},
                    {"solver", Benchmark::kSolver},
                    {"vp_detection", Benchmark::kVpDetection}},
-                  "Which benchmark: time per iteration of the four configurations; the same of the "
+                  "Which benchmark (time per iteration of the four configurations; the same of the "
                   "2D and 3D form of the wireframe; errors against the truth; the native solver "
-                  "against Ceres; vanishing points in photographs against labelled ones.");
+                  "against Ceres; vanishing points in photographs against labelled ones).");
     table->Field("num_images", &num_images_, AtLeast(10),
-                 "Sizes of the scenes (accuracy takes one); empty: 100,200,500,1000, for "
-                 "wireframe_form 100,200,500, for "
-                 "accuracy 100.");
+                 "Sizes of the scenes, by default 100,200,500,1000; wireframe_form: 100,200,500; "
+                 "accuracy, which takes one: 100.");
     table->Field("seed", &scene_.seed, AnyValue(), "First seed of the scenes.");
     table->Choice("visibility", &visibility_,
                   {{"default", VisibilityChoice::kDefault},
@@ -61,18 +60,24 @@ class BenchJob : public Job {
                    {"both", VisibilityChoice::kBoth}},
                   "Which cameras see a feature: any 4 to 8, ones next to each other in the "
                   "sequence (near) or in space (cluster), or random and then near (both); default: "
-                  "random for times, both for accuracy.");
+                  "random for times, both for accuracy.")
+        .Advanced();
     table->Choice("layout", &scene_.layout,
                   {{"sphere", SceneLayout::kSphere}, {"corridor", SceneLayout::kCorridor}},
-                  "Cameras on a sphere around a cube, or in a row along a corridor.");
-    table->Field("vps", &scene_.vps, "Add vanishing points and relations to the scenes.");
+                  "Where the cameras are (on a sphere around a cube, or in a row along a "
+                  "corridor).")
+        .Advanced();
+    table->Field("vps", &scene_.vps, "Add vanishing points and relations to the scenes.")
+        .Advanced();
     table->Field("fraction_wrong_associations", &scene_.fraction_wrong_associations,
                  Between(0, 0.9),
-                 "Part of the group members and wireframe edges that is replaced by wrong ones.");
+                 "Share of wrong group members and wireframe edges.")
+        .Advanced();
     table->Choice(
         "wrong_associations", &scene_.wrong_associations,
         {{"random", WrongAssociations::kRandom}, {"nearest", WrongAssociations::kNearest}},
-        "Whether a wrong association is to any feature or to the nearest wrong one.");
+        "Whether a wrong association is to any feature or to the nearest wrong one.")
+        .Advanced();
     table->Field("num_seeds", &num_seeds_, Between(1, 100000),
                  "Scenes of the benchmark accuracy; runs of the benchmark vp_detection.");
     table->Field("data", &data_path_,
@@ -81,40 +86,48 @@ class BenchJob : public Job {
                   {{"auto", AlignmentBasis::kAuto},
                    {"centres", AlignmentBasis::kCentres},
                    {"centres_and_points", AlignmentBasis::kCentresAndPoints}},
-                  "What aligns a result with the truth in the benchmark accuracy.");
+                  "What aligns a result with the truth in the benchmark accuracy.")
+        .Advanced();
     table->Choice("statistic", &median_, {{"rms", false}, {"median", true}},
-                  "What sums up the errors of one scene in the benchmark accuracy.");
+                  "What sums up the errors of one scene in the benchmark accuracy.")
+        .Advanced();
     table->Field("iterations", &iterations_, AtLeast(2),
                  "Iterations timed in one run; the first one is left out.");
     table->Field("repetitions", &repetitions_, AtLeast(1),
                  "Runs of each case, of which the fastest median counts.");
     table->Field("max_repeated_seconds", &max_repeated_seconds_, AtLeast(0),
-                 "Runs that take longer are not repeated.");
+                 "Runs that take longer are not repeated.")
+        .Advanced();
     table->Choice("clock", &clock_, {{"wall", TimingClock::kWall}, {"cpu", TimingClock::kCpu}},
                   "Wall time, or processor time of all threads: with one thread (also "
-                  "OPENBLAS_NUM_THREADS=1) it shows the same on a busy machine.");
+                  "OPENBLAS_NUM_THREADS=1) it shows the same on a busy machine.")
+        .Advanced();
     table->Choice("schur", &schur_,
                   {{"dense", SchurChoice::kDense},
                    {"sparse", SchurChoice::kSparse},
                    {"both", SchurChoice::kBoth}},
-                  "How the reduced systems of the timed cases are solved.");
+                  "How the reduced systems of the timed cases are solved.")
+        .Advanced();
     table->Field("input_path", &input_path_,
                  "BAL problems of the benchmark solver, as a list a,b,c of files.");
     table->Field("problems", &problems_,
-                 "Problems of the benchmark solver, as a list: bal and local (the files, and cuts "
-                 "of them of 12 or 16 images), ring_N, sequence_N, collection_N, random_point_N, "
-                 "random_holistic_N, near_point_N, near_holistic_N with N images.");
+                 "Problems of the benchmark solver, as a list (bal and local, the files, and cuts "
+                 "of them of 12 or 16 images; ring_N, sequence_N, collection_N, random_point_N, "
+                 "random_holistic_N, near_point_N, near_holistic_N with N images).");
     table->Field("solvers", &solvers_,
                  "Solvers of the benchmark solver, as a list of beginnings of their names (native, "
                  "ceres_dense, plain_ceres, ...); empty: all.");
     table->Field("threads", &threads_, AtLeast(1), "Numbers of threads in the benchmark solver.");
     table->Field("camera_per_image", &camera_per_image_,
                  "Each image of sequences and collections has a camera of its own, which is "
-                 "adjusted, instead of one for all.");
+                 "adjusted, instead of one for all.")
+        .Advanced();
     table->Field("calls", &calls_, AtLeast(0),
-                 "Adjustments in a row of the problems `local`; 0: none.");
+                 "Adjustments in a row of the problems `local`; 0: none.")
+        .Advanced();
     table->Field("max_run_seconds", &max_run_seconds_, GreaterThan(0),
-                 "A run of the benchmark solver stops after the iteration that passes this.");
+                 "A run of the benchmark solver stops after the iteration that passes this.")
+        .Advanced();
     bundle_.Describe(table);
     solver_.Describe(table);
     vanishing_points_.Describe(table);

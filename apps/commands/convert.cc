@@ -17,11 +17,10 @@ enum class OutputType { kText, kBinary, kPly, kBal };
 
 class ConvertJob : public Job {
  public:
-  void Describe(OptionTable* table) override {
-    table->Field("input_path", &input_path_, "Model folder, or a BAL file.");
-    table->Required();
-    table->Field("output_path", &output_path_, "Model folder (txt, bin) or file (ply, bal).");
-    table->Required();
+  void Describe(OptionTable* table) const override {
+    table->Field("input_path", &input_path_, "Model folder, or a BAL file.").Required();
+    table->Field("output_path", &output_path_, "Model folder (txt, bin) or file (ply, bal).")
+        .Required();
     table->Choice("output_type", &output_type_,
                   {{"txt", OutputType::kText},
                    {"bin", OutputType::kBinary},

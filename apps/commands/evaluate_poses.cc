@@ -51,20 +51,19 @@ std::string Shortest(double x) { return fmt::format("{:g}", x); }
 
 class EvaluatePosesJob : public Job {
  public:
-  void Describe(OptionTable* table) override {
+  void Describe(OptionTable* table) const override {
     table->Field("input_path", &input_path_,
-                 "Model folder, or a folder of models 0, 1, ..., of which the one with most "
-                 "images counts.");
-    table->Required();
-    table->Field("ground_truth_path", &ground_truth_path_, "Model folder with the true poses.");
-    table->Required();
+                 "Model folder, or a folder of models (0, 1, ...), of which the one with most "
+                 "images counts.").Required();
+    table->Field("ground_truth_path", &ground_truth_path_, "Model folder with the true poses.")
+        .Required();
     table->Field("thresholds_deg", &thresholds_deg_, GreaterThan(0),
                  "Thresholds of the pose AUC in degrees.");
     table->Choice(
         "auc_convention", &convention_,
         {{"step", AucConvention::kStep}, {"trapezoid", AucConvention::kTrapezoid}},
-        "Exact area under the recall steps, or with the steps joined by lines as COLMAP's "
-        "and hloc's benchmarks have it.");
+        "How the area under the recall curve is taken (exactly, under its steps, or with the steps "
+        "joined by lines as COLMAP's and hloc's benchmarks have it).");
     table->Field("min_baseline", &options_.min_baseline, AtLeast(0),
                  "Shortest true baseline, as a part of the median one, whose direction counts.");
     table->Field("fold_translation", &options_.fold_translation,

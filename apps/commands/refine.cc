@@ -13,6 +13,7 @@
 #include "holba/base/timer.h"
 #include "holba/bundle/uncertainty.h"
 #include "holba/estimation/lines/line_leave_one_out.h"
+#include "holba/frontend/photographs/opencv_threads.h"
 #include "holba/io/database.h"
 #include "holba/io/model_io.h"
 #include "holba/io/uncertainty_file.h"
@@ -27,25 +28,21 @@ namespace {
 
 class RefineJob : public Job {
  public:
-  void Describe(OptionTable* table) override {
-    table->Field("image_path", &image_path_, "Folder of the photographs.");
-    table->Required();
-    table->Field("input_path", &input_path_, "Model with poses and points (COLMAP's).");
-    table->Required();
+  void Describe(OptionTable* table) const override {
+    table->Field("image_path", &image_path_, "Folder of the photographs.").Required();
+    table->Field("input_path", &input_path_, "Model with poses and points (COLMAP's).").Required();
     table->Field("output_path", &output_path_,
-                 "Folder of the holistic model, of pictures and of structure.ply.");
-    table->Required();
+                 "Folder of the holistic model, pictures and structure.ply.").Required();
     table->Field("database_path", &database_path_,
-                 "COLMAP database that keeps what is found in the photographs, for the next run; "
-                 "empty: database.db in the output folder.");
+                 "COLMAP database for what is found in the photographs, for the next run; empty: "
+                 "database.db in the output folder.");
     table->Choice("output_type", &format_,
                   {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
                   "Format of the model folder.");
     table->Field("num_pictures", &num_pictures_, AtLeast(-1),
                  "Photographs that are drawn upon, evenly spread over the model; -1: all.");
     table->Field("covariances", &covariances_,
-                 "Whether covariances of poses, points, lines and groups are written to "
-                 "covariances.txt.");
+                 "Whether covariances.txt is written (of poses, points, lines and groups).");
     detection_.Describe(table);
     matching_.Describe(table);
     regions_.Describe(table);
@@ -85,8 +82,8 @@ class RefineJob : public Job {
 
   void Refine(Reconstruction* model, RefineOutput* output) {
     const int num_threads = refine_.solver.num_threads;
-    detection_.num_threads = matching_.num_threads = refine_.num_threads = num_threads;
-    refine_.structure.SetNumThreads(num_threads);
+    detection_.num_threads = matching_.num_threads = num_threads;
+    HoldOpenCvThreads();
 
     const std::filesystem::path database_path =
         database_path_.empty() ? std::filesystem::path(output_path_) / "database.db"
@@ -136,7 +133,8 @@ class RefineJob : public Job {
     WriteStructurePly(model, output_path_);
     if (covariances_) {
       const auto uncertainty =
-          EstimateUncertainty(model, output->refine.stage1_options, output->refine.stage1);
+          EstimateUncertainty(model, output->refine.stage1_options, output->refine.stage1, {},
+                              refine_.solver.num_threads);
       if (uncertainty) {
         WriteUncertainty(*uncertainty, std::filesystem::path(output_path_) / "covariances.txt");
       } else {
@@ -145,7 +143,7 @@ class RefineJob : public Job {
             "written)");
       }
     }
-    WritePictures(model, image_path_, output_path_, num_pictures_, refine_.num_threads);
+    WritePictures(model, image_path_, output_path_, num_pictures_, refine_.solver.num_threads);
     output->write_seconds += timer.Seconds();
   }
 

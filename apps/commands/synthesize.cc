@@ -13,10 +13,9 @@ namespace {
 
 class SynthesizeJob : public Job {
  public:
-  void Describe(OptionTable* table) override {
+  void Describe(OptionTable* table) const override {
     table->Field("output_path", &output_path_,
-                 "Folder to write the models `truth` and `perturbed` to.");
-    table->Required();
+                 "Folder to write the models `truth` and `perturbed` to.").Required();
     table->Choice("output_type", &output_type_,
                   {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
                   "Format of the output.");

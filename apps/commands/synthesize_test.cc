@@ -29,11 +29,11 @@ std::string RunCommand(const std::string& name, const std::map<std::string, std:
   EXPECT_NE(command, nullptr) << name;
   const std::unique_ptr<Job> job = command->make_job();
   OptionTable table;
-  job->Describe(&table);
+  table.Bind(job.get());
   size_t num_set = 0;
   for (const Option& option : table.options()) {
     if (const auto it = values.find(option.name); it != values.end()) {
-      option.set(it->second);
+      option.SetText(it->second);
       ++num_set;
     }
   }

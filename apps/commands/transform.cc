@@ -119,11 +119,10 @@ Sim3d Compose(const Sim3d& c_from_b, const Sim3d& b_from_a) {
 
 class TransformJob : public Job {
  public:
-  void Describe(OptionTable* table) override {
-    table->Field("input_path", &input_path_, "Model folder.");
-    table->Required();
-    table->Field("output_path", &output_path_, "Model folder; may be that of the input.");
-    table->Required();
+  void Describe(OptionTable* table) const override {
+    table->Field("input_path", &input_path_, "Model folder.").Required();
+    table->Field("output_path", &output_path_, "Model folder; may be that of the input.")
+        .Required();
     table->Choice("output_type", &output_type_,
                   {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
                   "Format of the output.");

@@ -79,8 +79,8 @@ class Help(Case):
         names = command_names()
         self.assertEqual(len(names), len(set(names)))
         for name in names:
-            text = self.succeeds(name, "--help")
-            self.assertEqual(text, self.succeeds("help", name))
+            text = self.succeeds(name, "--help", "all")
+            self.assertEqual(text, self.succeeds("help", name, "all"))
             self.assertIn(f"Usage: holba {name}", text)
             options = re.findall(r"^  --(\S+)(.*)\n((?:      .+\n)+)", text, re.MULTILINE)
             named = [option[0] for option in options]
@@ -88,10 +88,40 @@ class Help(Case):
             for common in ("config", "log_level", "quiet", "help"):
                 self.assertIn(common, named)
             for option, facts, sentence in options:
-                self.assertRegex(option, r"^([A-Z][A-Za-z]*\.)?[A-Za-z0-9_]+$", name)
+                self.assertRegex(option, r"^([A-Z][A-Za-z]*\.)*[A-Za-z0-9_]+$", name)
                 self.assertTrue(sentence.endswith(".\n"), (name, option, sentence))
                 if option not in ("quiet", "help", "json"):
                     self.assertRegex(facts, r"^ \S+  \((required|default: .*)\)$", (name, option))
+
+    def test_the_short_help_lists_basic_options_on_one_screen(self):
+        for name in command_names():
+            text = self.succeeds(name, "--help")
+            self.assertEqual(text, self.succeeds("help", name))
+            self.assertEqual(text, self.succeeds(name, "-h"))
+            self.assertIn(f"Usage: holba {name}", text)
+            self.assertIn(f"'holba {name} --help all' has every option", " ".join(text.split()))
+            self.assertLessEqual(len(text.splitlines()), 40, name)
+            told = json.loads(self.succeeds(name, "--help", "json"))
+            basic = [option["name"] for option in told["options"] + told["common_options"]
+                     if option["level"] == "basic"]
+            self.assertEqual(re.findall(r"^  --(\S+) .*\.$", text, re.MULTILINE), basic)
+        self.assertIn("'everything'", self.refuses("convert", "--help", "everything"))
+        self.assertIn("'more'", self.refuses("help", "convert", "all", "more"))
+
+    def test_a_program_can_read_every_option(self):
+        types = {"bool": bool, "int": int, "uint": int, "double": (int, float), "text": str,
+                 "doubles": list, "choice": str}
+        for name in command_names():
+            whole = self.succeeds(name, "--help", "all")
+            told = json.loads(self.succeeds("help", name, "json"))
+            self.assertEqual(told["command"], name)
+            options = told["options"] + told["common_options"]
+            self.assertEqual([option["name"] for option in options],
+                             re.findall(r"^  --(\S+)", whole, re.MULTILINE))
+            for option in options:
+                self.assertIsInstance(option["default"], types[option["type"]], option)
+                self.assertEqual(isinstance(option["default"], bool), option["type"] == "bool")
+                self.assertTrue(option["sentence"].endswith("."))
 
     def test_the_readme_lists_exactly_the_commands_that_exist(self):
         readme = (pathlib.Path(__file__).parents[2] / "README.md").read_text()
@@ -101,8 +131,8 @@ class Help(Case):
 
     def test_required_options_are_required(self):
         for name in command_names():
-            text = holba(name, "--help").stdout
-            if re.search(r"^  --\S+ .*\(required", text, re.MULTILINE):
+            options = json.loads(holba(name, "--help", "json").stdout)["options"]
+            if any(option["required"] for option in options):
                 self.assertIn("is required", self.refuses(name))
 
 
@@ -145,7 +175,8 @@ class Errors(Case):
         absent, output = self.folder / "absent", self.folder / "output"
         tried = 0
         for name in command_names():
-            required = re.findall(r"^  --(\w+) .*\(required", holba(name, "--help").stdout, re.MULTILINE)
+            options = json.loads(holba(name, "--help", "json").stdout)["options"]
+            required = [option["name"] for option in options if option["required"]]
             if "input_path" not in required:
                 continue
             values = {"input_path": absent, "output_path": output}

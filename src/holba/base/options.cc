@@ -3,8 +3,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <optional>
+#include <string_view>
+#include <type_traits>
 
 #include "holba/base/error.h"
 
@@ -12,144 +16,249 @@ namespace holba {
 namespace {
 
 template <typename T>
-bool ParseNumber(std::string_view text, T* value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
-  return error == std::errc() && end == text.data() + text.size();
+std::optional<T> ParseNumber(std::string_view text) {
+  T value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
 }
 
-[[noreturn]] void Reject(const std::string& name, const std::string& value,
-                         const std::string& expected) {
-  throw InputError(fmt::format("--{}: '{}' is not {}", name, value, expected));
+std::optional<OptionValue> ParseNumbers(std::string_view text) {
+  std::vector<double> numbers;
+  for (size_t begin = 0; begin <= text.size();) {
+    const size_t end = std::min(text.find(',', begin), text.size());
+    const std::optional<double> number = ParseNumber<double>(text.substr(begin, end - begin));
+    if (!number) return std::nullopt;
+    numbers.push_back(*number);
+    begin = end + 1;
+  }
+  return numbers;
 }
 
-std::string WithRange(const std::string& type, const Range& range) {
-  return range.text.empty() ? type : type + " " + range.text;
+std::optional<OptionValue> Parse(OptionType type, const std::string& text) {
+  switch (type) {
+    case OptionType::kBool:
+      if (text == "1" || text == "true") return true;
+      if (text == "0" || text == "false") return false;
+      return std::nullopt;
+    case OptionType::kInt:
+      return ParseNumber<int>(text);
+    case OptionType::kUint:
+      return ParseNumber<uint64_t>(text);
+    case OptionType::kDouble:
+      return ParseNumber<double>(text);
+    case OptionType::kText:
+    case OptionType::kChoice:
+      return text;
+    case OptionType::kDoubles:
+      return ParseNumbers(text);
+  }
+  return std::nullopt;
+}
+
+// The alternative of OptionValue that the type says.
+size_t IndexOf(OptionType type) {
+  return type == OptionType::kChoice ? OptionValue(std::string()).index()
+                                     : static_cast<size_t>(type);
+}
+
+bool IsAllowed(const Option& option, const OptionValue& value) {
+  if (value.index() != IndexOf(option.type)) return false;
+  const auto is_allowed = [&](double x) { return std::isfinite(x) && option.range.Contains(x); };
+  return std::visit(
+      [&](const auto& v) {
+        using T = std::decay_t<decltype(v)>;
+        if constexpr (std::is_same_v<T, std::vector<double>>) {
+          return std::all_of(v.begin(), v.end(), is_allowed);
+        } else if constexpr (std::is_same_v<T, std::string>) {
+          return option.type != OptionType::kChoice ||
+                 std::find(option.choices.begin(), option.choices.end(), v) != option.choices.end();
+        } else if constexpr (std::is_same_v<T, bool>) {
+          return true;
+        } else {
+          return is_allowed(static_cast<double>(v));
+        }
+      },
+      value);
+}
+
+std::string Expected(const Option& option) {
+  const auto with_range = [&](const char* what) {
+    const std::string range = option.range.Text();
+    return range.empty() ? std::string(what) : fmt::format("{} {}", what, range);
+  };
+  switch (option.type) {
+    case OptionType::kBool:
+      return "0 or 1";
+    case OptionType::kInt:
+      return with_range("a whole number");
+    case OptionType::kUint:
+      return with_range("a whole number, not negative,");
+    case OptionType::kDouble:
+      return with_range("a number");
+    case OptionType::kText:
+      return "a text";
+    case OptionType::kDoubles:
+      return with_range("a list a,b,c of numbers");
+    case OptionType::kChoice:
+      return "one of " + option.TypeText();
+  }
+  return "";
 }
 
 }  // namespace
 
-Range AnyValue() { return {[](double) { return true; }, ""}; }
-Range AtLeast(double low) {
-  return {[=](double x) { return x >= low; }, fmt::format("at least {}", low)};
-}
-Range GreaterThan(double low) {
-  return {[=](double x) { return x > low; }, fmt::format("greater than {}", low)};
-}
-Range Between(double low, double high) {
-  return {[=](double x) { return x >= low && x <= high; },
-          fmt::format("between {} and {}", low, high)};
+bool Range::Contains(double x) const {
+  return (low_is_open ? x > low : x >= low) && (high_is_open ? x < high : x <= high);
 }
 
-void OptionTable::Add(Option option) {
-  if (!section_.empty()) option.name = section_ + "." + option.name;
+std::string Range::Text() const {
+  const std::string above = fmt::format("{} {}", low_is_open ? "greater than" : "at least", low);
+  const std::string below = fmt::format("{} {}", high_is_open ? "less than" : "at most", high);
+  if (std::isinf(low) && std::isinf(high)) return "";
+  if (std::isinf(high)) return above;
+  if (std::isinf(low)) return below;
+  if (low_is_open || high_is_open) return above + ", " + below;
+  return fmt::format("between {} and {}", low, high);
+}
+
+Range AnyValue() { return {}; }
+Range AtLeast(double low) { return {.low = low}; }
+Range GreaterThan(double low) { return {.low = low, .low_is_open = true}; }
+Range Between(double low, double high) { return {.low = low, .high = high}; }
+
+std::string NameOf(OptionType type) {
+  switch (type) {
+    case OptionType::kBool:
+      return "bool";
+    case OptionType::kInt:
+      return "int";
+    case OptionType::kUint:
+      return "uint";
+    case OptionType::kDouble:
+      return "double";
+    case OptionType::kText:
+      return "text";
+    case OptionType::kDoubles:
+      return "doubles";
+    case OptionType::kChoice:
+      return "choice";
+  }
+  return "";
+}
+
+std::string ToText(const OptionValue& value) {
+  return std::visit(
+      [](const auto& v) -> std::string {
+        using T = std::decay_t<decltype(v)>;
+        if constexpr (std::is_same_v<T, bool>) {
+          return v ? "1" : "0";
+        } else if constexpr (std::is_same_v<T, std::vector<double>>) {
+          return fmt::format("{}", fmt::join(v, ","));
+        } else {
+          return fmt::format("{}", v);
+        }
+      },
+      value);
+}
+
+Option& Option::Basic() {
+  level = OptionLevel::kBasic;
+  return *this;
+}
+
+Option& Option::Advanced() {
+  level = OptionLevel::kAdvanced;
+  return *this;
+}
+
+Option& Option::Required() {
+  required = true;
+  return Basic();
+}
+
+std::string Option::TypeText() const {
+  switch (type) {
+    case OptionType::kUint:
+      return NameOf(OptionType::kInt);
+    case OptionType::kDouble:
+      return "float";
+    case OptionType::kDoubles:
+      return "float,...";
+    case OptionType::kChoice:
+      return fmt::format("{}", fmt::join(choices, "|"));
+    default:
+      return NameOf(type);
+  }
+}
+
+void Option::Reject(const std::string& text) const {
+  throw InputError(fmt::format("--{}: '{}' is not {}", name, text, Expected(*this)));
+}
+
+void Option::Set(const OptionValue& value) const {
+  HOLBA_CHECK_MSG(write_ != nullptr, "the table of --" + name + " is not bound: it only reads");
+  if (!IsAllowed(*this, value)) Reject(ToText(value));
+  write_(value);
+}
+
+void Option::SetText(const std::string& text) const {
+  const std::optional<OptionValue> value = Parse(type, text);
+  if (!value || !IsAllowed(*this, *value)) Reject(text);
+  Set(*value);
+}
+
+Option& OptionTable::Add(std::string name, OptionType type, std::string sentence, Option option) {
+  option.section = prefix_ + section_;
+  if (section_.empty() && !prefix_.empty()) option.section.pop_back();
+  option.name = option.section.empty() ? std::move(name) : option.section + "." + name;
   for (const Option& other : options_) {
     HOLBA_CHECK_MSG(other.name != option.name, "option declared twice: " + option.name);
   }
-  option.default_value = option.get();
+  option.type = type;
+  option.sentence = std::move(sentence);
+  option.level = option.section.empty() ? OptionLevel::kBasic : OptionLevel::kAdvanced;
+  option.default_value = option.Value();
   options_.push_back(std::move(option));
+  return options_.back();
 }
 
-void OptionTable::Field(std::string name, bool* value, std::string sentence) {
-  const std::string full = section_.empty() ? name : section_ + "." + name;
-  Add({.name = std::move(name), .type = "bool", .sentence = std::move(sentence),
-       .set =
-           [=](const std::string& text) {
-             if (text == "1" || text == "true") {
-               *value = true;
-             } else if (text == "0" || text == "false") {
-               *value = false;
-             } else {
-               Reject(full, text, "0 or 1");
-             }
-           },
-       .get = [=] { return std::string(*value ? "1" : "0"); }});
+template <typename T>
+Option& OptionTable::AddField(std::string name, OptionType type, const T* value, Range range,
+                              std::string sentence) {
+  Option option;
+  option.range = range;
+  option.read_ = [value]() -> OptionValue { return *value; };
+  if (T* const variable = Variable(value))
+    option.write_ = [variable](const OptionValue& given) { *variable = std::get<T>(given); };
+  return Add(std::move(name), type, std::move(sentence), std::move(option));
 }
 
-void OptionTable::Field(std::string name, int* value, Range range, std::string sentence) {
-  const std::string full = section_.empty() ? name : section_ + "." + name;
-  Add({.name = std::move(name), .type = "int", .range = range.text, .sentence = std::move(sentence),
-       .set =
-           [=](const std::string& text) {
-             int parsed = 0;
-             if (!ParseNumber(text, &parsed) || !range.contains(parsed)) {
-               Reject(full, text, WithRange("a whole number", range));
-             }
-             *value = parsed;
-           },
-       .get = [=] { return std::to_string(*value); }});
+Option& OptionTable::Field(std::string name, const bool* value, std::string sentence) {
+  return AddField(std::move(name), OptionType::kBool, value, {}, std::move(sentence));
 }
 
-void OptionTable::Field(std::string name, uint64_t* value, Range range, std::string sentence) {
-  const std::string full = section_.empty() ? name : section_ + "." + name;
-  Add({.name = std::move(name), .type = "int", .range = range.text, .sentence = std::move(sentence),
-       .set =
-           [=](const std::string& text) {
-             uint64_t parsed = 0;
-             if (!ParseNumber(text, &parsed) || !range.contains(static_cast<double>(parsed))) {
-               Reject(full, text, WithRange("a whole number, not negative,", range));
-             }
-             *value = parsed;
-           },
-       .get = [=] { return std::to_string(*value); }});
+Option& OptionTable::Field(std::string name, const int* value, Range range, std::string sentence) {
+  return AddField(std::move(name), OptionType::kInt, value, range, std::move(sentence));
 }
 
-void OptionTable::Field(std::string name, double* value, Range range, std::string sentence) {
-  const std::string full = section_.empty() ? name : section_ + "." + name;
-  Add({.name = std::move(name), .type = "float", .range = range.text,
-       .sentence = std::move(sentence),
-       .set =
-           [=](const std::string& text) {
-             double parsed = 0;
-             if (!ParseNumber(text, &parsed) || !std::isfinite(parsed) || !range.contains(parsed)) {
-               Reject(full, text, WithRange("a number", range));
-             }
-             *value = parsed;
-           },
-       .get = [=] { return fmt::format("{}", *value); }});
+Option& OptionTable::Field(std::string name, const uint64_t* value, Range range,
+                           std::string sentence) {
+  return AddField(std::move(name), OptionType::kUint, value, range, std::move(sentence));
 }
 
-void OptionTable::Field(std::string name, std::string* value, std::string sentence) {
-  Add({.name = std::move(name), .type = "text", .sentence = std::move(sentence),
-       .set = [=](const std::string& text) { *value = text; }, .get = [=] { return *value; }});
+Option& OptionTable::Field(std::string name, const double* value, Range range,
+                           std::string sentence) {
+  return AddField(std::move(name), OptionType::kDouble, value, range, std::move(sentence));
 }
 
-void OptionTable::Field(std::string name, std::vector<double>* value, Range range,
-                        std::string sentence) {
-  const std::string full = section_.empty() ? name : section_ + "." + name;
-  Add({.name = std::move(name), .type = "float,...", .range = range.text,
-       .sentence = std::move(sentence),
-       .set =
-           [=](const std::string& text) {
-             std::vector<double> parsed;
-             size_t begin = 0;
-             while (begin <= text.size()) {
-               const size_t end = std::min(text.find(',', begin), text.size());
-               double number = 0;
-               if (!ParseNumber(std::string_view(text).substr(begin, end - begin), &number) ||
-                   !std::isfinite(number) || !range.contains(number)) {
-                 Reject(full, text, WithRange("a list a,b,c of numbers", range));
-               }
-               parsed.push_back(number);
-               begin = end + 1;
-             }
-             *value = parsed;
-           },
-       .get = [=] { return fmt::format("{}", fmt::join(*value, ",")); }});
+Option& OptionTable::Field(std::string name, const std::string* value, std::string sentence) {
+  return AddField(std::move(name), OptionType::kText, value, {}, std::move(sentence));
 }
 
-void OptionTable::AddChoice(std::string name, std::vector<std::string> names, std::string sentence,
-                            std::function<void(size_t)> set, std::function<size_t()> get) {
-  const std::string full = section_.empty() ? name : section_ + "." + name;
-  const std::string type = fmt::format("{}", fmt::join(names, "|"));
-  Add({.name = std::move(name), .type = type, .sentence = std::move(sentence),
-       .set =
-           [=](const std::string& text) {
-             for (size_t i = 0; i < names.size(); ++i) {
-               if (names[i] == text) return set(i);
-             }
-             Reject(full, text, "one of " + type);
-           },
-       .get = [=] { return names[get()]; }});
+Option& OptionTable::Field(std::string name, const std::vector<double>* value, Range range,
+                           std::string sentence) {
+  return AddField(std::move(name), OptionType::kDoubles, value, range, std::move(sentence));
 }
 
 }  // namespace holba

@@ -50,9 +50,11 @@ bool SpinUntil(const Done& done) {
   return done();
 }
 
-// One region at a time. Its word `state_` holds the number of the region, whether threads may still
-// join it, and how many have joined and not left; the other members of the region change only while
-// it is closed and empty, so a thread that wakes late finds it closed and touches nothing.
+// The regions that are open at a time share the workers. A region is a slot: the word `state` holds
+// whether workers may still join it, how many may, and how many have joined and not left. A worker
+// joins by changing that word alone, whichever region it belongs to by then; the other members of a
+// slot change only while it is closed and empty. The pool has as many workers as all regions ask
+// for together, so each of them gets what it asks for.
 class Pool {
  public:
   ~Pool() {
@@ -71,122 +73,171 @@ class Pool {
     }
   }
 
-  // False: the pool is taken by another thread of the program.
+  // False: all slots are taken.
   bool Run(int num_threads, size_t num_tasks, FunctionRef<void(size_t)> body) {
-    std::unique_lock taken(region_mutex_, std::try_to_lock);
-    if (!taken.owns_lock()) return false;
-    Grow(num_threads - 1);
-    body_ = &body;
-    num_tasks_ = num_tasks;
-    next_task_.store(0, std::memory_order_relaxed);
-    max_helpers_ = num_threads - 1;
-    first_error_task_ = std::numeric_limits<size_t>::max();
-    error_ = nullptr;
-    const uint64_t region = (state_.load(std::memory_order_relaxed) >> kRegionShift) + 1;
-    state_.store((region << kRegionShift) | kOpen, std::memory_order_seq_cst);
+    Region* const region = TakeRegion();
+    if (region == nullptr) return false;
+    const int num_helpers = std::min(num_threads - 1, kMaxThreads);
+    Grow(num_helpers_wanted_.fetch_add(num_helpers) + num_helpers);
+    region->body = &body;
+    region->num_tasks = num_tasks;
+    region->next_task.store(0, std::memory_order_relaxed);
+    region->first_error_task = std::numeric_limits<size_t>::max();
+    region->state.store(kOpen | static_cast<uint32_t>(num_helpers) << kMaxHelpersShift,
+                        std::memory_order_seq_cst);
     if (num_sleeping_.load(std::memory_order_seq_cst) > 0) {
       std::lock_guard lock(mutex_);
       wake_.notify_all();
     }
     in_region = true;
-    RunTasks();
+    RunTasks(region);
     in_region = false;
-    state_.fetch_and(~kOpen, std::memory_order_acq_rel);
-    const auto left = [this] {
-      return (state_.load(std::memory_order_seq_cst) & kHelpersMask) == 0;
-    };
-    if (!SpinUntil(left)) {
-      std::unique_lock lock(mutex_);
-      caller_sleeps_.store(true, std::memory_order_seq_cst);
-      all_left_.wait(lock, left);
-      caller_sleeps_.store(false, std::memory_order_relaxed);
-    }
-    if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
+    if ((region->state.load(std::memory_order_relaxed) & kOpen) != 0)
+      region->state.fetch_and(~kOpen, std::memory_order_acq_rel);
+    WaitForHelpers(region);
+    num_helpers_wanted_.fetch_sub(num_helpers, std::memory_order_relaxed);
+    const std::exception_ptr error = std::exchange(region->error, nullptr);
+    region->taken.store(false, std::memory_order_release);
+    if (error) std::rethrow_exception(error);
     return true;
   }
 
  private:
-  static constexpr int kRegionShift = 16;
-  static constexpr uint64_t kOpen = 1 << 15;
-  static constexpr uint64_t kHelpersMask = kOpen - 1;
+  static constexpr uint32_t kOpen = uint32_t{1} << 31;
+  static constexpr int kMaxHelpersShift = 16;
+  static constexpr uint32_t kCountMask = 0x7fff;
+  static_assert(kMaxThreads <= static_cast<int>(kCountMask));
+  // Callers at a time; one more works alone.
+  static constexpr size_t kNumRegions = 32;
+
+  struct Region {
+    // On a line of its own: helpers read the others while the caller may write it.
+    alignas(64) std::atomic<bool> taken{false};
+    alignas(64) std::atomic<uint32_t> state{0};
+    alignas(64) std::atomic<size_t> next_task{0};
+    alignas(64) const FunctionRef<void(size_t)>* body = nullptr;
+    size_t num_tasks = 0;
+    std::atomic<bool> caller_sleeps{false};
+    std::condition_variable all_left;
+
+    std::mutex error_mutex;
+    size_t first_error_task = 0;
+    std::exception_ptr error;
+  };
+
+  static bool IsJoinable(uint32_t state) {
+    return (state & kOpen) != 0 && (state & kCountMask) < (state >> kMaxHelpersShift & kCountMask);
+  }
+
+  Region* TakeRegion() {
+    for (size_t i = 0; i < kNumRegions; ++i) {
+      Region& region = regions_[i];
+      if (region.taken.load(std::memory_order_relaxed)) continue;
+      if (region.taken.exchange(true, std::memory_order_acquire)) continue;
+      // Workers look at the regions that were ever used.
+      size_t used = num_regions_used_.load(std::memory_order_relaxed);
+      while (used < i + 1 && !num_regions_used_.compare_exchange_weak(used, i + 1)) {
+      }
+      return &region;
+    }
+    return nullptr;
+  }
 
   void Grow(int num_helpers) {
+    if (num_workers_.load(std::memory_order_relaxed) >= std::min(num_helpers, kMaxThreads)) return;
+    std::lock_guard lock(grow_mutex_);
     while (static_cast<int>(threads_.size()) < std::min(num_helpers, kMaxThreads)) {
       try {
         threads_.emplace_back([this] { Work(); });
       } catch (const std::system_error&) {
         return;  // the system has no more threads to give: the ones there are do the work
       }
+      num_workers_.store(static_cast<int>(threads_.size()), std::memory_order_relaxed);
     }
   }
 
-  void RunTasks() {
+  // Until no task is left to begin.
+  static void RunTasks(Region* region) {
     for (;;) {
-      const size_t task = next_task_.fetch_add(1, std::memory_order_relaxed);
-      if (task >= num_tasks_) return;
+      const size_t task = region->next_task.fetch_add(1, std::memory_order_relaxed);
+      if (task >= region->num_tasks) return;
       try {
-        (*body_)(task);
+        (*region->body)(task);
       } catch (...) {
-        std::lock_guard lock(error_mutex_);
-        if (task < first_error_task_) {
-          first_error_task_ = task;
-          error_ = std::current_exception();
+        std::lock_guard lock(region->error_mutex);
+        if (task < region->first_error_task) {
+          region->first_error_task = task;
+          region->error = std::current_exception();
         }
       }
     }
   }
 
+  void WaitForHelpers(Region* region) {
+    const auto left = [region] {
+      return (region->state.load(std::memory_order_seq_cst) & kCountMask) == 0;
+    };
+    if (SpinUntil(left)) return;
+    std::unique_lock lock(mutex_);
+    region->caller_sleeps.store(true, std::memory_order_seq_cst);
+    region->all_left.wait(lock, left);
+    region->caller_sleeps.store(false, std::memory_order_relaxed);
+  }
+
+  // The next one from `*last` on that a worker can join, which is then `*last`.
+  bool FindJoinable(size_t* last) const {
+    const size_t used = num_regions_used_.load(std::memory_order_seq_cst);
+    for (size_t i = 0; i < used; ++i) {
+      const size_t candidate = *last + i < used ? *last + i : *last + i - used;
+      if (IsJoinable(regions_[candidate].state.load(std::memory_order_seq_cst))) {
+        *last = candidate;
+        return true;
+      }
+    }
+    return false;
+  }
+
   void Work() {
     in_region = true;
-    uint64_t last_region = 0;
-    const auto open = [&] {
-      const uint64_t state = state_.load(std::memory_order_seq_cst);
-      return (state & kOpen) != 0 && (state >> kRegionShift) != last_region;
-    };
+    size_t last = 0;  // the region joined last: its caller is likely to have another one
+    const auto has_work = [&] { return FindJoinable(&last) || stop_; };
     for (;;) {
-      if (!SpinUntil([&] { return open() || stop_; })) {
+      if (!SpinUntil(has_work)) {
         std::unique_lock lock(mutex_);
         num_sleeping_.fetch_add(1, std::memory_order_seq_cst);
-        wake_.wait(lock, [&] { return open() || stop_; });
+        wake_.wait(lock, has_work);
         num_sleeping_.fetch_sub(1, std::memory_order_seq_cst);
       }
       if (stop_) return;
-      uint64_t state = state_.load(std::memory_order_acquire);
+      Region* const region = &regions_[last];
+      uint32_t state = region->state.load(std::memory_order_acquire);
       bool joined = false;
-      while ((state & kOpen) != 0 && !joined) {
-        last_region = state >> kRegionShift;
-        // max_helpers_ may be the next region's by now; then the exchange fails.
-        if ((state & kHelpersMask) >= static_cast<uint64_t>(max_helpers_)) break;
-        joined = state_.compare_exchange_weak(state, state + 1, std::memory_order_acq_rel);
-      }
+      while (IsJoinable(state) && !joined)
+        joined = region->state.compare_exchange_weak(state, state + 1, std::memory_order_acq_rel);
       if (!joined) continue;
-      RunTasks();
-      const uint64_t before = state_.fetch_sub(1, std::memory_order_seq_cst);
-      if ((before & kHelpersMask) == 1 && caller_sleeps_.load(std::memory_order_seq_cst)) {
+      RunTasks(region);
+      // The first one who finds no task left closes the region: nobody needs to join it any more.
+      uint32_t before = region->state.load(std::memory_order_relaxed);
+      while (!region->state.compare_exchange_weak(before, (before & ~kOpen) - 1)) {
+      }
+      if ((before & kCountMask) == 1 && region->caller_sleeps.load(std::memory_order_seq_cst)) {
         std::lock_guard lock(mutex_);
-        all_left_.notify_one();
+        region->all_left.notify_one();
       }
     }
   }
 
-  std::mutex region_mutex_;  // held by the thread whose region it is
+  Region regions_[kNumRegions];
+  std::atomic<size_t> num_regions_used_{0};
+  alignas(64) std::atomic<int> num_helpers_wanted_{0};  // by all regions that are taken
+
+  std::mutex grow_mutex_;
   std::vector<std::thread> threads_;
-
-  alignas(64) std::atomic<uint64_t> state_{0};
-  alignas(64) std::atomic<size_t> next_task_{0};
-  alignas(64) const FunctionRef<void(size_t)>* body_ = nullptr;
-  size_t num_tasks_ = 0;
-  std::atomic<int> max_helpers_{0};
-
-  std::mutex error_mutex_;
-  size_t first_error_task_ = 0;
-  std::exception_ptr error_;
+  std::atomic<int> num_workers_{0};
 
   std::mutex mutex_;  // of sleep
   std::condition_variable wake_;
-  std::condition_variable all_left_;
   std::atomic<int> num_sleeping_{0};
-  std::atomic<bool> caller_sleeps_{false};
   std::atomic<bool> stop_{false};
 };
 

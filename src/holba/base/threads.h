@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Work shared among threads. The threads are started on first use, kept until the process ends, and
 // wait by spinning for some microseconds before they sleep, so that a region of work costs about a
-// microsecond while others follow it closely. A region begun inside another, or while another
-// thread of the program is inside one, runs on its caller alone. After a fork the child starts
-// threads of its own.
+// microsecond while others follow it closely. A region begun inside another runs on its caller
+// alone. Regions of several callers at a time (up to 32) each get the threads that they ask for.
+// After a fork the child starts threads of its own.
 #pragma once
 
 #include <cstddef>
@@ -36,7 +36,8 @@ class FunctionRef<Result(Args...)> {
   Result (*call_)(void*, Args...);
 };
 
-// `requested` threads, or one per hardware thread if it is -1; at least 1.
+// What a num_threads means, everywhere: so many threads, or one per hardware thread if it is -1 (or
+// 0); at least 1.
 int NumThreads(int requested);
 
 // Calls body(task) once for every task in [0, num_tasks) on up to num_threads threads (-1: one per

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -68,6 +69,80 @@ TEST(ParallelTasks, ANestedRegionRunsOnItsCaller) {
     });
   });
   EXPECT_EQ(count.load(), 64);
+}
+
+// Waits until `count` is reached; false: not within a minute, as where too few threads take part.
+bool Reaches(const std::atomic<int>& reached, int count) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+  for (int step = 0; reached.load() < count; ++step) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    SpinWait(step);
+  }
+  return true;
+}
+
+TEST(ParallelTasks, EveryCallerGetsTheThreadsThatItAsksFor) {
+  constexpr int kNumCallers = 3, kNumThreads = 2;
+  for (int repetition = 0; repetition < 50; ++repetition) {
+    // All tasks of all callers are there at a time, which takes a thread for each of them.
+    std::atomic<int> met = 0;
+    std::atomic<int> alone = 0;
+    const auto work = [&] {
+      std::vector<std::thread::id> of_task(kNumThreads);
+      ParallelTasks(kNumThreads, kNumThreads, [&](size_t task) {
+        of_task[task] = std::this_thread::get_id();
+        ++met;
+        if (!Reaches(met, kNumCallers * kNumThreads)) ++alone;
+      });
+      EXPECT_NE(of_task[0], of_task[1]);
+    };
+    std::vector<std::thread> callers;
+    for (int i = 0; i < kNumCallers; ++i) callers.emplace_back(work);
+    for (std::thread& caller : callers) caller.join();
+    ASSERT_EQ(alone.load(), 0);
+  }
+}
+
+TEST(ParallelTasks, MoreCallersThanThePoolHasRegionsLoseNoTask) {
+  constexpr int kNumCallers = 40;
+  std::atomic<int> count = 0, inside = 0, alone = 0;
+  std::vector<std::thread> callers;
+  for (int i = 0; i < kNumCallers; ++i) {
+    callers.emplace_back([&] {
+      ParallelTasks(2, 4, [&](size_t task) {
+        // Every caller is inside of its region before one leaves it.
+        if (task == 0) {
+          ++inside;
+          if (!Reaches(inside, kNumCallers)) ++alone;
+        }
+        ++count;
+      });
+      for (int region = 0; region < 200; ++region) ParallelTasks(3, 5, [&](size_t) { ++count; });
+    });
+  }
+  for (std::thread& caller : callers) caller.join();
+  EXPECT_EQ(count.load(), kNumCallers * (4 + 200 * 5));
+  EXPECT_EQ(alone.load(), 0);
+}
+
+TEST(ParallelTasks, AnExceptionReachesItsOwnCaller) {
+  std::atomic<int> wrong = 0;
+  const auto work = [&](const std::string& name) {
+    for (int i = 0; i < 200; ++i) {
+      try {
+        ParallelTasks(2, 6, [&](size_t task) {
+          if (task == 3) throw std::runtime_error(name);
+        });
+        ++wrong;
+      } catch (const std::runtime_error& error) {
+        if (error.what() != name) ++wrong;
+      }
+    }
+  };
+  std::thread other(work, "other");
+  work("this");
+  other.join();
+  EXPECT_EQ(wrong.load(), 0);
 }
 
 TEST(ParallelTasks, TwoThreadsOfTheProgramMayEachHaveARegion) {

@@ -43,17 +43,18 @@ void BundleOptions::SetDefaultLosses(bool is_bal) {
   }
 }
 
-void BundleOptions::Describe(OptionTable* table) {
+void BundleOptions::Describe(OptionTable* table) const {
   table->Section("Bundle");
-  table->Choice(
-      "config", &config,
-      {{"point", BundleConfig::kPoint},
-       {"point_line", BundleConfig::kPointLine},
-       {"groups", BundleConfig::kGroups},
-       {"holistic", BundleConfig::kHolistic}},
-      "What takes part; each adds to the one before: lines; groups and relations; wireframe.");
+  table->Choice("config", &config,
+                {{"point", BundleConfig::kPoint},
+                 {"point_line", BundleConfig::kPointLine},
+                 {"groups", BundleConfig::kGroups},
+                 {"holistic", BundleConfig::kHolistic}},
+                "What takes part; each adds to the one before: lines; groups and relations; "
+                "wireframe.")
+      .Basic();
   for (const FamilyText& text : kFamilies) {
-    TermSettings& settings = (*this)[text.family];
+    const TermSettings& settings = (*this)[text.family];
     const std::string name = text.name, what = text.what;
     std::vector<std::pair<std::string, std::optional<LossChoice>>> losses = {
         {"trivial", LossChoice::kTrivial},
@@ -90,12 +91,15 @@ void BundleOptions::Describe(OptionTable* table) {
       "Lines and structure that move the cameras farther than this from where points alone "
       "have them, in standard deviations of the latter, contradict the points and move no "
       "camera; 0: not tested.");
-  table->Field("refine_focal_length", &refine_focal_length, "Whether focal lengths are adjusted.");
+  table->Field("refine_focal_length", &refine_focal_length, "Whether focal lengths are adjusted.")
+      .Basic();
   table->Field("refine_principal_point", &refine_principal_point,
-               "Whether principal points are adjusted.");
+               "Whether principal points are adjusted.")
+      .Basic();
   table->Field("refine_extra_params", &refine_extra_params,
-               "Whether distortion parameters are adjusted.");
-  table->Field("fix_poses", &fix_poses, "Whether camera poses are held.");
+               "Whether distortion parameters are adjusted.")
+      .Basic();
+  table->Field("fix_poses", &fix_poses, "Whether camera poses are held.").Basic();
   table->Field("fix_points", &fix_points, "Whether points are held.");
   table->Field("fix_lines", &fix_lines, "Whether lines are held.");
   table->Field("fix_groups", &fix_groups,

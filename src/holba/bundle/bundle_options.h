@@ -134,7 +134,7 @@ struct BundleOptions {
   }
   // The choice of a family for a model (or, `is_bal`, a BAL problem).
   void SetDefaultLosses(bool is_bal);
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 // A direction of a group measured in one image, in the camera frame: the ray of a vanishing point,

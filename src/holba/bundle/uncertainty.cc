@@ -84,11 +84,9 @@ bool AddCovariances(const Reconstruction& model, const BundleOptions& options,
 
 }  // namespace
 
-std::optional<ModelUncertainty> EstimateUncertainty(const Reconstruction& model,
-                                                    const BundleOptions& given,
-                                                    const BundleSummary& summary,
-                                                    std::span<const GroupMeasurement> measurements,
-                                                    int num_threads) {
+std::optional<ModelUncertainty> EstimateUncertainty(
+    const Reconstruction& model, const BundleOptions& given, const BundleSummary& summary,
+    int num_threads, std::span<const GroupMeasurement> measurements) {
   BundleOptions options = given;
   options.SetDefaultLosses(false);
   ModelUncertainty result;

@@ -18,6 +18,6 @@ namespace holba {
 // system is singular.
 std::optional<ModelUncertainty> EstimateUncertainty(
     const Reconstruction& model, const BundleOptions& options, const BundleSummary& summary,
-    std::span<const GroupMeasurement> measurements = {}, int num_threads = -1);
+    int num_threads, std::span<const GroupMeasurement> measurements = {});
 
 }  // namespace holba

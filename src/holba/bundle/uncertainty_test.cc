@@ -31,7 +31,7 @@ Adjusted AdjustScene(BundleConfig config, bool fix_poses) {
   a.options.refine_focal_length = false;
   for (TermSettings& term : a.options.terms) term.loss = LossChoice::kTrivial;
   a.summary = AdjustBundle(a.options, SolverOptions(), &a.scene.perturbed);
-  a.uncertainty = *EstimateUncertainty(a.scene.perturbed, a.options, a.summary);
+  a.uncertainty = *EstimateUncertainty(a.scene.perturbed, a.options, a.summary, 2);
   return a;
 }
 
@@ -86,7 +86,7 @@ TEST(Uncertainty, StructureThatContradictsThePointsMakesCamerasNoSurer) {
   const Adjusted points = AdjustScene(BundleConfig::kPoint, false);
   Adjusted a = AdjustScene(BundleConfig::kHolistic, false);
   a.summary.cameras_held = true;
-  const ModelUncertainty held = *EstimateUncertainty(a.scene.perturbed, a.options, a.summary);
+  const ModelUncertainty held = *EstimateUncertainty(a.scene.perturbed, a.options, a.summary, 2);
   EXPECT_EQ(held.lines.size(), a.scene.truth.lines3D.size());
   EXPECT_EQ(held.groups.size(), a.uncertainty.groups.size());
   double held_sum = 0.0, points_sum = 0.0, free_sum = 0.0;

@@ -119,7 +119,7 @@ void Store(const ImageTask& task, Database* database) {
 
 }  // namespace
 
-void ImportPaths::Describe(OptionTable* table) {
+void ImportPaths::Describe(OptionTable* table) const {
   table->Section("Import");
   table->Field("segments_path", &segments,
                "Line segments of another detector (text, npz, npy, HDF5), used instead of ours.");
@@ -161,7 +161,7 @@ void ImportPaths::Check() const {
   }
 }
 
-void DetectionOptions::Describe(OptionTable* table) {
+void DetectionOptions::Describe(OptionTable* table) const {
   imports.Describe(table);
   segment_import.Describe(table);
   region_normals.Describe(table);

@@ -26,7 +26,7 @@ struct ImportPaths {
   std::string depths;
   std::string correspondences;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
   // Throws InputError for what is not there, before anything is computed or written.
   void Check() const;
 };
@@ -39,7 +39,7 @@ struct DetectionOptions {
   VanishingPointOptions vps;
   int num_threads = -1;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct DetectionReport {

@@ -38,7 +38,7 @@ std::set<PositionPair> ChoosePairs(const ImagePairOptions& options,
 
 }  // namespace
 
-void ImagePairOptions::Describe(OptionTable* table) {
+void ImagePairOptions::Describe(OptionTable* table) const {
   table->Section("LineMatching");
   table->Field("max_pairs_per_image", &max_pairs_per_image, AtLeast(1),
                "Images whose segments are matched with those of an image: those that share most "

@@ -19,7 +19,7 @@ struct ImagePairOptions {
   int max_pairs_per_image = 20;
   int min_shared_points = 10;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 // Where the images of each chosen pair see the same points.

@@ -77,7 +77,7 @@ void MatchPairs(const MatchLinesOptions& options, const Reconstruction& model,
 
 }  // namespace
 
-void MatchLinesOptions::Describe(OptionTable* table) {
+void MatchLinesOptions::Describe(OptionTable* table) const {
   matching.Describe(table);
   pairs.Describe(table);
 }

@@ -21,7 +21,7 @@ struct MatchLinesOptions {
   ImagePairOptions pairs;
   int num_threads = -1;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct MatchLinesReport {

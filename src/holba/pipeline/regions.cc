@@ -44,7 +44,7 @@ Eigen::Vector2d SizeOf(const Reconstruction& model, image_t id) {
 
 }  // namespace
 
-void RegionOptions::Describe(OptionTable* table) {
+void RegionOptions::Describe(OptionTable* table) const {
   table->Section("Regions");
   table->Choice("matching", &matching,
                 {{"votes", RegionMatching::kVotes}, {"warp", RegionMatching::kWarp}},

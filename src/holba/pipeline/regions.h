@@ -26,7 +26,7 @@ struct RegionOptions {
   RegionWarpOptions warp;
   FieldInterpolationOptions interpolation;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct RegionReport {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/pipeline/settings.h"
 
-#include <fmt/format.h>
-
 #include <cstring>
 #include <system_error>
 
@@ -14,12 +12,6 @@ namespace {
 constexpr uint64_t kPrime = 0x100000001b3ULL;
 
 }  // namespace
-
-std::string SettingsText(std::string name, const OptionTable& table) {
-  for (const Option& option : table.options())
-    name += fmt::format(" {}={}", option.name, option.get());
-  return name;
-}
 
 uint64_t HashBytes(const void* data, size_t size, uint64_t hash) {
   for (size_t i = 0; i < size; ++i) hash = (hash ^ static_cast<const uint8_t*>(data)[i]) * kPrime;

@@ -6,20 +6,15 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
-#include <utility>
 
 #include "holba/base/options.h"
 
 namespace holba {
 
-// "NAME option=value ...": all options of the table.
-std::string SettingsText(std::string name, const OptionTable& table);
-
+// "NAME option=value ...": all options.
 template <typename Options>
-std::string SettingsText(std::string name, Options options) {
-  OptionTable table;
-  options.Describe(&table);
-  return SettingsText(std::move(name), std::as_const(table));
+std::string SettingsText(const std::string& name, const Options& options) {
+  return name + TextOfOptions(options);
 }
 
 inline constexpr uint64_t kEmptyHash = 0xcbf29ce484222325ULL;

@@ -34,6 +34,7 @@ class Refiner {
   Refiner(const RefineOptions& options, const ImageFeatureMap& features, Reconstruction* model,
           const std::function<void(const std::string&)>& log)
       : options_(options), features_(features), model_(*model), log_(log) {
+    options_.structure.SetNumThreads(options.solver.num_threads);
     bundle_ = options.bundle;
     if (options.fix_poses) HoldCameras(&bundle_);
   }
@@ -48,7 +49,7 @@ class Refiner {
     const LineMatchMap matches = match_lines(model_);
     const Timer structure_timer;
     report_.structure = BuildStructure(options_.structure, features_, &matches, observe_regions,
-                                       options_.num_threads, &model_);
+                                       options_.solver.num_threads, &model_);
     report_.structure_seconds = structure_timer.Seconds();
     for (const auto& [id, point] : model_.points3D) {
       if (!given_points_.contains(id)) bundle_.points_of_structure.insert(id);
@@ -95,7 +96,7 @@ class Refiner {
     const double point_sigma_px = SigmaPx(last, "point", 1.0);
     report_.reliability = ClassifyFeatures(options_.reliability, point_sigma_px,
                                            SigmaPx(last, "line", options_.structure.lines.sigma_px),
-                                           options_.num_threads, model_);
+                                           options_.solver.num_threads, model_);
     Log(fmt::format("Uncertain: {} of {} points, {} of {} lines",
                     report_.reliability.unreliable_points.size(), model_.points3D.size(),
                     report_.reliability.unreliable_lines.size(), model_.lines3D.size()));
@@ -201,7 +202,7 @@ class Refiner {
   // Members that a group needs to take part in stage 1.
   static constexpr size_t kMinSupport = 3;
 
-  const RefineOptions& options_;
+  RefineOptions options_;
   const ImageFeatureMap& features_;
   Reconstruction& model_;
   const std::function<void(const std::string&)>& log_;
@@ -225,12 +226,13 @@ RefineOptions::RefineOptions() {
   bundle.refine_principal_point = true;
 }
 
-void RefineOptions::Describe(OptionTable* table) {
+void RefineOptions::Describe(OptionTable* table) const {
   table->Section("Refine");
-  table->Field("fix_poses", &fix_poses, "Whether poses and intrinsics stay as they are.");
+  table->Field("fix_poses", &fix_poses, "Whether poses and intrinsics stay as they are.").Basic();
   table->Field("num_rounds", &num_rounds, Between(1, 10),
                "Rounds of adjusting (reliable features with cameras, then the others) and "
-               "estimating associations anew.");
+               "estimating associations anew.")
+      .Basic();
   structure.Describe(table);
   reliability.Describe(table);
   bundle.Describe(table);

@@ -20,15 +20,15 @@ struct RefineOptions {
   StructureOptions structure;
   ReliabilityOptions reliability;
   BundleOptions bundle;
+  // Its num_threads counts for all steps, whatever the options of structure say.
   SolverOptions solver;
   // Poses and intrinsics stay as they are: the paper's refinement of geometry.
   bool fix_poses = false;
   // Of both stages; associations are estimated anew before the next.
   int num_rounds = 2;
-  int num_threads = -1;
 
   RefineOptions();
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct RefineReport {

@@ -34,7 +34,7 @@ RefineOptions WithIntrinsicsHeld() {
   RefineOptions options;
   options.bundle.refine_focal_length = options.bundle.refine_principal_point =
       options.bundle.refine_extra_params = false;
-  options.num_threads = options.solver.num_threads = 2;
+  options.solver.num_threads = 2;
   return options;
 }
 
@@ -144,9 +144,9 @@ TEST(Refine, IsTheSameForAnyNumberOfThreads) {
   const RefineScene scene = MakeRefineScene({});
   const Reconstruction start = Perturbed(scene.house.model, 0.3, 0.03, 5);
   RefineOptions options;
-  options.num_threads = options.solver.num_threads = 1;
+  options.solver.num_threads = 1;
   const Refined one = Refine(scene, options, start);
-  options.num_threads = options.solver.num_threads = 2;
+  options.solver.num_threads = 2;
   const Refined two = Refine(scene, options, start);
   EXPECT_EQ(Fingerprint(one.model), Fingerprint(two.model));
   EXPECT_EQ(one.log, two.log);

@@ -51,7 +51,7 @@ Verdict Judge(const ReliabilityOptions& options, const ViewMap& views, double si
 
 }  // namespace
 
-void ReliabilityOptions::Describe(OptionTable* table) {
+void ReliabilityOptions::Describe(OptionTable* table) const {
   table->Section("Reliability");
   table->Field("min_point_images", &min_point_images, AtLeast(2),
                "Points of fewer images do not move cameras.");

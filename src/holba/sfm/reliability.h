@@ -25,7 +25,7 @@ struct ReliabilityOptions {
   double max_point_relative_sigma = 0.05;
   double max_line_relative_sigma = 0.05;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct Reliability {

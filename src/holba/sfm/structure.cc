@@ -60,7 +60,7 @@ void StructureOptions::SetNumThreads(int num_threads) {
   planes.num_threads = plane_members.num_threads = regions.members.num_threads = num_threads;
 }
 
-void StructureOptions::Describe(OptionTable* table) {
+void StructureOptions::Describe(OptionTable* table) const {
   planes.Describe(table);
   vps.Describe(table);
   lines.Describe(table);

@@ -41,7 +41,7 @@ struct StructureOptions {
   // For all steps that have threads.
   void SetNumThreads(int num_threads);
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct StructureReport {

@@ -21,7 +21,7 @@ class Covariance {
   // features' covariances, in the time of two to four iterations where the reduced system is small
   // or sparse. Empty: it is singular (a gauge that is not fixed, a kept block that nothing observes).
   // `workspace`: that of the problem's Solve saves the analysis.
-  static std::optional<Covariance> Compute(const Problem& problem, int num_threads = -1,
+  static std::optional<Covariance> Compute(const Problem& problem, int num_threads,
                                            SolverWorkspace* workspace = nullptr);
 
   // tangent x tangent, infinite for a feature that its residuals do not fix; rows and columns of

@@ -11,17 +11,17 @@
 
 namespace holba {
 
-void SolverOptions::Describe(OptionTable* table) {
+void SolverOptions::Describe(OptionTable* table) const {
   table->Section("Solver");
-  table->Choice(
-      "backend", &backend,
-      {
-        {"native", Backend::kNative},
+  table->Choice("backend", &backend,
+                {
+                  {"native", Backend::kNative},
 #if HOLBA_WITH_CERES
-            {"ceres", Backend::kCeres},
+                      {"ceres", Backend::kCeres},
 #endif
-      },
-      "Which solver does the work.");
+                },
+                "Which solver does the work.")
+      .Basic();
   table->Choice("linear_solver", &linear_solver,
                 {{"auto", LinearSolver::kAuto},
                  {"dense", LinearSolver::kDense},
@@ -50,12 +50,13 @@ void SolverOptions::Describe(OptionTable* table) {
                  {"lapack", CeresDenseLibrary::kLapack}},
                 "Factorisation of the backend ceres with a dense reduced system; auto: LAPACK from "
                 "600 unknowns on.");
-  table->Field(
-      "num_threads", &num_threads, AtLeast(-1),
-      "Threads; -1: as many as repeat bit for bit (native: one per core; Ceres: 1, with more "
-      "its sums change in the last digits).");
+  table->Field("num_threads", &num_threads, AtLeast(-1),
+               "Threads; -1: one per hardware thread (Ceres itself: 1, since with more its sums "
+               "change in the last digits).")
+      .Basic();
   table->Field("max_num_iterations", &max_num_iterations, AtLeast(0),
-               "Most iterations of one round (losses auto and the gate take several).");
+               "Most iterations of one round (losses auto and the gate take several).")
+      .Basic();
   table->Field("max_linear_solver_iterations", &max_linear_solver_iterations, AtLeast(1),
                "Most conjugate gradient steps of the iterative solver in one iteration.");
   table->Field("max_seconds", &max_seconds, GreaterThan(0),

@@ -62,7 +62,7 @@ struct SolverOptions {
   // Called after every iteration; return false to stop there.
   std::function<bool(const IterationRecord&)> on_iteration;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 enum class StopReason { kConverged, kMaxIterations, kMaxTime, kNoStep, kCallback, kNothingToDo };

@@ -276,39 +276,45 @@ void FitGroups(const BundleProblemOptions& options, SyntheticStructure* structur
 
 }  // namespace
 
-void BundleProblemOptions::Describe(OptionTable* table) {
+void BundleProblemOptions::Describe(OptionTable* table) const {
   table->Field("seed", &seed, AnyValue(), "Same seed and options, same problem.");
   table->Field(
       "num_images", &num_images, Between(10, 100000),
-      "Images N; 10 N points, N lines, N/5 planes and 3 N wireframe edges come with them.");
+      "Images N (10 N points, N lines, N/5 planes and 3 N wireframe edges come with them).");
   table->Choice("layout", &layout,
                 {{"sphere", SceneLayout::kSphere}, {"corridor", SceneLayout::kCorridor}},
-                "Cameras on a sphere around a cube, or in a row along a corridor.");
+                "Where the cameras are (on a sphere around a cube, or in a row along a corridor).");
   table->Choice("visibility", &visibility,
                 {{"random", Visibility::kRandom},
                  {"near", Visibility::kNear},
                  {"cluster", Visibility::kCluster}},
-                "Which 4 to 8 cameras see a feature: any; ones next to each other along their "
-                "walk; the nearest in space.");
+                "Which 4 to 8 cameras see a feature (any; ones next to each other along their "
+                "walk; the nearest in space).");
   table->Field("observation_noise_px", &observation_noise_px, AtLeast(0),
                "Standard deviation of point and line end observations, per coordinate.");
   table->Field("rotation_noise_deg", &rotation_noise_deg, AtLeast(0),
-               "Standard deviation of the start's rotations, per axis.");
+               "Standard deviation of the start's rotations, per axis.")
+      .Advanced();
   table->Field("translation_noise", &translation_noise, AtLeast(0),
-               "Standard deviation of the start's translations, per coordinate.");
+               "Standard deviation of the start's translations, per coordinate.")
+      .Advanced();
   table->Field("feature_noise", &feature_noise, AtLeast(0),
-               "Standard deviation of the start's 3D points and line ends, per coordinate.");
+               "Standard deviation of the start's 3D points and line ends, per coordinate.")
+      .Advanced();
   table->Field("fraction_wrong_associations", &fraction_wrong_associations, Between(0, 0.9),
-               "Part of the group members and wireframe edges that is replaced by wrong ones.");
+               "Share of wrong group members and wireframe edges.");
   table->Choice("wrong_associations", &wrong_associations,
                 {{"random", WrongAssociations::kRandom}, {"nearest", WrongAssociations::kNearest}},
-                "Whether a wrong association is to any feature or to the nearest wrong one.");
+                "Whether a wrong association is to any feature or to the nearest wrong one.")
+      .Advanced();
   table->Field("vps", &vps, "Add vanishing points of the grid lines, and relations.");
   table->Field("primitives", &primitives, Between(0, 1000),
                "Spheres to add, and as many of every other type, with 60 points each.");
-  table->Field("camera_model", &camera_model, "COLMAP's name of the camera model.");
+  table->Field("camera_model", &camera_model, "COLMAP's name of the camera model.")
+      .Advanced();
   table->Field("rig_size", &rig_size, Between(1, 100),
-               "Cameras in one rig with known sensor poses; 1: no rig.");
+               "Cameras in one rig with known sensor poses; 1: no rig.")
+      .Advanced();
 }
 
 SyntheticProblem MakeBundleProblem(const BundleProblemOptions& options) {

@@ -51,7 +51,7 @@ struct BundleProblemOptions {
   int rig_size =
       1;  // cameras of one rig, with known sensor poses and a COLMAP camera each; 1: no rig
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 // Both hold the same ids, the same noisy observations and consistent associations.

@@ -254,7 +254,7 @@ class Detection {
 
 }  // namespace
 
-void VanishingPointOptions::Describe(OptionTable* table) {
+void VanishingPointOptions::Describe(OptionTable* table) const {
   table->Section("VanishingPoints");
   table->Field("max_error_px", &max_error_px, GreaterThan(0),
                "Largest distance of a segment's ends from the line through its middle and its "

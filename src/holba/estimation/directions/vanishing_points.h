@@ -44,7 +44,7 @@ struct VanishingPointOptions {
   // Nearer ones are one vanishing point, found twice.
   double min_angle_deg = 3.0;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct VanishingPoints {

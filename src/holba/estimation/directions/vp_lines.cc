@@ -110,7 +110,7 @@ std::vector<size_t> Agreeing(const LineLabelOptions& options, const LineSegments
 
 }  // namespace
 
-void LineLabelOptions::Describe(OptionTable* table) {
+void LineLabelOptions::Describe(OptionTable* table) const {
   table->Section("VpLines");
   table->Field("max_error_px", &max_error_px, GreaterThan(0),
                "Largest distance of a segment's ends from the line to the vanishing point.");

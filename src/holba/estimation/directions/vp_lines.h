@@ -26,7 +26,7 @@ struct LineLabelOptions {
   // A vanishing point of fewer lines says nothing about any of them.
   int min_lines = 3;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct LineLabelReport {

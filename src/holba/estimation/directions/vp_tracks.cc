@@ -307,7 +307,7 @@ std::optional<group3D_t> FindVp(const Reconstruction& model, const Eigen::Vector
 
 }  // namespace
 
-void VpTrackOptions::Describe(OptionTable* table) {
+void VpTrackOptions::Describe(OptionTable* table) const {
   table->Section("VpTracks");
   table->Field("max_deviation_deg", &max_deviation_deg, Between(0, 90),
                "Largest angle between a direction and a vanishing point of an image.");

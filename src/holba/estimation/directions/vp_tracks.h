@@ -34,7 +34,7 @@ struct VpTrackOptions {
   // See VanishingPointOptions.
   double max_error_px = 1.0;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 // A vanishing point of an image as an index into ImageFeatures::vanishing_points.

@@ -122,7 +122,7 @@ MemberReport UpdateMembers(const MemberOptions& options, Reconstruction* model) 
   return report;
 }
 
-void MemberOptions::Describe(OptionTable* table) {
+void MemberOptions::Describe(OptionTable* table) const {
   table->Section("Members");
   table->Field("max_error_px", &fit.max_error_px, GreaterThan(0),
                "Farthest from its group that a member may be, in pixels at its depth.");

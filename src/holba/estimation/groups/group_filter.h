@@ -28,7 +28,7 @@ struct MemberOptions {
   double min_inlier_ratio = 0.5;
   int num_threads = -1;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct MemberReport {

@@ -431,7 +431,7 @@ GroupFormingReport FormGroups(const GroupFormingOptions& options,
   return GroupFormer(options, normals, model).Run(matches);
 }
 
-void GroupFormingOptions::Describe(OptionTable* table) {
+void GroupFormingOptions::Describe(OptionTable* table) const {
   members.Describe(table);
   table->Section("Groups");
   table->Field("min_shared_with_group", &min_shared_with_group, AtLeast(1),

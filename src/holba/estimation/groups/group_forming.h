@@ -30,7 +30,7 @@ struct GroupFormingOptions {
   // parameters is at most so many times that from their own (or 0.25 px more).
   double max_merge_growth = 1.3;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 using GroupObservationPair = std::pair<GroupObservation, GroupObservation>;

@@ -619,7 +619,7 @@ PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
   return report;
 }
 
-void PlaneOptions::Describe(OptionTable* table) {
+void PlaneOptions::Describe(OptionTable* table) const {
   table->Section("Planes");
   table->Field("seed", &seed, AnyValue(), "Seed of the random samples.");
   table->Field("min_images", &min_images, AtLeast(2), "Fewest images of a point.");

@@ -40,7 +40,7 @@ struct PlaneOptions {
   // Two planes nearer than this in direction become one if one plane explains the points of both.
   double merge_angle_deg = 12.0;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct PlaneReport {

@@ -264,7 +264,7 @@ PlaneMemberReport AddPointsToPlanes(const PlaneMemberOptions& options,
                     [&](group3D_t plane, point3D_t id) { model->AddPointMember(plane, id); });
 }
 
-void PlaneMemberOptions::Describe(OptionTable* table) {
+void PlaneMemberOptions::Describe(OptionTable* table) const {
   table->Section("PlaneMembers");
   table->Field("max_distance_px", &max_distance_px, GreaterThan(0),
                "Farthest from a plane that its lines and added points may be, in pixels.");

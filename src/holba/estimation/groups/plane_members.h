@@ -21,7 +21,7 @@ struct PlaneMemberOptions {
   int min_line_images = 3;
   int num_threads = -1;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct PlaneMemberReport {

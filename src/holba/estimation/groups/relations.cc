@@ -94,7 +94,7 @@ std::vector<Direction> Directions(const RelationOptions& options, const Reconstr
 
 }  // namespace
 
-void RelationOptions::Describe(OptionTable* table) {
+void RelationOptions::Describe(OptionTable* table) const {
   table->Section("Relations");
   table->Field("max_deviation_deg", &max_deviation_deg, Between(0, 30),
                "Largest deviation from orthogonal or parallel.");

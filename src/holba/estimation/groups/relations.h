@@ -24,7 +24,7 @@ struct RelationOptions {
   double vp_sigma_deg = 0.3;
   double plane_sigma_deg = 0.7;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct RelationReport {

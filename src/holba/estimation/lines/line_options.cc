@@ -3,7 +3,7 @@
 
 namespace holba {
 
-void LineOptions::Describe(OptionTable* table) {
+void LineOptions::Describe(OptionTable* table) const {
   table->Section("Lines");
   table->Field("min_segment_px", &min_segment_px, AtLeast(2), "Shortest segment used, pixels.");
   table->Field("max_neighbours", &max_neighbours, Between(1, 1000),

@@ -63,7 +63,7 @@ struct LineOptions {
   double sigma_px = 0.5;
   double max_relative_sigma = 0.01;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 }  // namespace holba

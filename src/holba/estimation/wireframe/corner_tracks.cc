@@ -335,7 +335,7 @@ class CornerTriangulator {
 
 }  // namespace
 
-void CornerTrackOptions::Describe(OptionTable* table) {
+void CornerTrackOptions::Describe(OptionTable* table) const {
   table->Section("CornerTracks");
   table->Field("num_neighbours", &num_neighbours, AtLeast(1),
                "Images that the corners of each image are matched with.");

@@ -30,7 +30,7 @@ struct CornerTrackOptions {
   // A track this near to a junction in all images that they share is that junction.
   double max_junction_distance_px = 1.0;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct CornerTrackReport {

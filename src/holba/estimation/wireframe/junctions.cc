@@ -473,7 +473,7 @@ class JunctionFinder {
 
 }  // namespace
 
-void JunctionOptions::Describe(OptionTable* table) {
+void JunctionOptions::Describe(OptionTable* table) const {
   table->Section("Junctions");
   table->Field("max_overshoot_px", &max_overshoot_px, AtLeast(0),
                "Farthest intersection beyond the ends of segments that meet, pixels.");

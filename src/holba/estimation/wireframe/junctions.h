@@ -34,7 +34,7 @@ struct JunctionOptions {
   double max_error_px = 2.0;
   double min_triangulation_angle_deg = 1.5;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct Junction {

@@ -185,7 +185,7 @@ class WireframeFormer {
 
 }  // namespace
 
-void WireframeOptions::Describe(OptionTable* table) {
+void WireframeOptions::Describe(OptionTable* table) const {
   table->Section("Wireframe");
   table->Field("max_distance_px", &max_distance_px, GreaterThan(0),
                "Farthest observed point from the line of a segment that it meets, pixels.");

@@ -34,7 +34,7 @@ struct WireframeOptions {
   // Standard deviation of a coordinate of points and ends of segments in that test.
   double sigma_px = 0.5;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct WireframeReport {

@@ -22,7 +22,7 @@ constexpr float kKeyPointSizePx = 9.0f;
 
 }  // namespace
 
-void CornerOptions::Describe(OptionTable* table) {
+void CornerOptions::Describe(OptionTable* table) const {
   table->Section("Corners");
   table->Field("max_num_corners", &max_num_corners, AtLeast(0),
                "Most corners of an image; the strongest are kept, 0: none.");

@@ -18,7 +18,7 @@ struct CornerOptions {
   double quality = 0.002;      // smallest eigenvalue, as a share of the strongest corner's
   double min_distance_px = 4.0;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct Corners {

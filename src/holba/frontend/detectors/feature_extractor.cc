@@ -4,12 +4,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <opencv2/core.hpp>
 #include <tuple>
 
 #include "holba/frontend/detectors/lbd_descriptor.h"
 #include "holba/frontend/detectors/segment_gradients.h"
 #include "holba/frontend/detectors/segment_refinement.h"
+#include "holba/frontend/photographs/opencv_threads.h"
 #include "holba/frontend/photographs/undistort.h"
 
 namespace holba {
@@ -22,15 +22,6 @@ constexpr double kGradientSigmaPx = 0.5;
 constexpr double kBorderPx = 3.0;
 // The border itself, curved on the canvas, is found in pieces that leave it here and there.
 constexpr double kMinShownShare = 0.75;
-
-// The callers work on several images at a time: OpenCV's own threads would only get in their way.
-void HoldOpenCvThreads() {
-  static const bool once = [] {
-    cv::setNumThreads(1);
-    return true;
-  }();
-  static_cast<void>(once);
-}
 
 std::vector<LineSegment2d> DetectSegments(const SegmentOptions& options, const IdealCanvas& canvas,
                                           const GreyImage& image, const GradientImage& gradients) {
@@ -59,7 +50,7 @@ std::vector<LineSegment2d> DetectSegments(const SegmentOptions& options, const I
 
 }  // namespace
 
-void ExtractionOptions::Describe(OptionTable* table) {
+void ExtractionOptions::Describe(OptionTable* table) const {
   segments.Describe(table);
   corners.Describe(table);
 }
@@ -100,12 +91,7 @@ ImageFeatures ExtractFeatures(const ExtractionOptions& options, const GreyImage&
 }
 
 std::string SettingsOf(const ExtractionOptions& options, const Camera& camera) {
-  ExtractionOptions copy = options;
-  OptionTable table;
-  copy.Describe(&table);
-  std::string text = fmt::format("features {}", kVersion);
-  for (const Option& option : table.options())
-    text += fmt::format(" {}={}", option.name, option.get());
+  std::string text = fmt::format("features {}{}", kVersion, TextOfOptions(options));
   text += fmt::format(" camera={} {}x{}", camera.model->name, camera.width, camera.height);
   // A pinhole camera's parameters change nothing: segments are found in the photograph itself.
   if (!camera.model->is_pinhole) {

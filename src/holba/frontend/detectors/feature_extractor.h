@@ -17,7 +17,7 @@ struct ExtractionOptions {
   SegmentOptions segments;
   CornerOptions corners;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 // The image must have the camera's size. Segments are found where the camera makes straight lines

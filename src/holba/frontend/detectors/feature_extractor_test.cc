@@ -169,17 +169,17 @@ TEST(ExtractFeatures, IsTheSameInAnyThread) {
 TEST(ExtractFeatures, SettingsNameAllThatFeaturesDependOn) {
   ExtractionOptions options;
   OptionTable table;
-  options.Describe(&table);
+  table.Bind(&options);
   const Camera pinhole = MakeCamera("PINHOLE", 400, 300, {300, 300, 200, 150});
   const std::string settings = SettingsOf(options, pinhole);
   for (const Option& option : table.options()) {
-    if (option.type == "text") continue;
-    const std::string before = option.get();
-    option.set(option.type == "bool"              ? (before == "1" ? "0" : "1")
-               : option.name == "Corners.quality" ? "0.5"
-                                                  : (before == "3" ? "2" : "3"));
+    if (option.type == OptionType::kText) continue;
+    const std::string before = option.Text();
+    option.SetText(option.type == OptionType::kBool   ? (before == "1" ? "0" : "1")
+                   : option.name == "Corners.quality" ? "0.5"
+                                                      : (before == "3" ? "2" : "3"));
     EXPECT_NE(SettingsOf(options, pinhole), settings) << option.name;
-    option.set(before);
+    option.SetText(before);
   }
   EXPECT_EQ(SettingsOf(options, pinhole), settings);
   // The focal length of a pinhole changes no feature; that of a lens does.

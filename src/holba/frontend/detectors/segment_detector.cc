@@ -25,7 +25,7 @@ const SegmentDetector& FindSegmentDetector(std::string_view name) {
       fmt::format("--Segments.detector: '{}' is no known detector; there is: {}", name, known));
 }
 
-void SegmentOptions::Describe(OptionTable* table) {
+void SegmentOptions::Describe(OptionTable* table) const {
   table->Section("Segments");
   table->Field("detector", &detector, "What finds line segments in images: lsd.");
   table->Field("lsd_scale", &lsd_scale, Between(0.1, 4.0),

@@ -25,7 +25,7 @@ struct SegmentOptions {
   // Moves segments onto the maxima of the brightness gradient (segment_refinement.h).
   bool refine = true;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct SegmentDetector {

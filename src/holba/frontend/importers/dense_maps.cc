@@ -131,7 +131,7 @@ Eigen::Vector3d TowardsCamera(const Eigen::Vector3d& normal, const Eigen::Vector
 
 }  // namespace
 
-void RegionNormalOptions::Describe(OptionTable* table) {
+void RegionNormalOptions::Describe(OptionTable* table) const {
   table->Section("RegionNormals");
   table->Field("margin_px", &margin_px, AtLeast(0),
                "Pixels this close to the rim of a region are left out of its normal, of an image "

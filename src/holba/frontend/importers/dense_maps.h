@@ -47,7 +47,7 @@ struct RegionNormalOptions {
   // Side of the windows in which depths are fitted by planes, of 800 px: wide enough to average the
   // steps of quantised depths.
   double window_px = 12.0;
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 // For each region of a plane: the geometric median of its normals, towards the camera. sigma_deg:

@@ -218,7 +218,7 @@ std::map<std::string, RawSegments> ReadArrays(const fs::path& path) {
 
 }  // namespace
 
-void SegmentImportOptions::Describe(OptionTable* table) {
+void SegmentImportOptions::Describe(OptionTable* table) const {
   table->Section("SegmentImport");
   table->Choice(
       "pixel_centre", &pixel_centre,

@@ -28,7 +28,7 @@ struct SegmentImportOptions {
   // Detectors run over the rim a little; what is further outside has other units, or is of another
   // photograph.
   double max_outside_px = 2.0;
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 // The segments of one image as a file has them, in the pixels that it counts in.

@@ -57,7 +57,7 @@ uint16_t LabelOfSegment(const RegionLookup& lookup, const std::map<uint16_t, flo
 
 }  // namespace
 
-void RegionGroupOptions::Describe(OptionTable* table) {
+void RegionGroupOptions::Describe(OptionTable* table) const {
   table->Section("RegionGroups");
   table->Field("curved_margin_px", &curved_margin_px, AtLeast(0),
                "Features this close to the rim of a curved region do not belong to it, in pixels "

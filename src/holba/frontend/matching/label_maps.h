@@ -32,7 +32,7 @@ struct RegionGroupOptions {
   double flat_margin_px = 1.0;
   // Share of a segment that must be in the region.
   double min_segment_share = 0.9;
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct RegionGroups {

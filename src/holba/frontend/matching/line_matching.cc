@@ -210,7 +210,7 @@ class Nearest {
 
 }  // namespace
 
-void LineMatchingOptions::Describe(OptionTable* table) {
+void LineMatchingOptions::Describe(OptionTable* table) const {
   table->Section("LineMatching");
   table->Field("num_matches", &num_matches, AtLeast(1),
                "Matches kept for each segment of a pair of images.");

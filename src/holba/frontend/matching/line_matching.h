@@ -27,7 +27,7 @@ struct LineMatchingOptions {
   // Overlap (intersection over union) of the two segments along the epipolar lines.
   double min_epipolar_overlap = 0.1;
 
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 // The segments of one image as matching wants them; made once for each image.

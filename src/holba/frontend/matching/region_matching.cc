@@ -53,7 +53,7 @@ void VoteForFeature(std::vector<uint32_t>* groups, Ballot* ballot) {
 
 }  // namespace
 
-void GroupVotingOptions::Describe(OptionTable* table) {
+void GroupVotingOptions::Describe(OptionTable* table) const {
   table->Section("GroupVoting");
   table->Field("min_num_votes", &min_num_votes, AtLeast(1),
                "Matched features that two groups must share to be one.");
@@ -134,7 +134,7 @@ std::vector<GroupMatch> MatchGroupsByVotes(const Reconstruction& model,
   return result;
 }
 
-void RegionWarpOptions::Describe(OptionTable* table) {
+void RegionWarpOptions::Describe(OptionTable* table) const {
   table->Section("RegionWarp");
   table->Field("min_overlap", &min_overlap, Between(0, 1),
                "Intersection over union that a warped region and its match must exceed.");
@@ -198,7 +198,7 @@ std::vector<RegionMatch> MatchRegionsByWarping(const LabelMap& map1, const Label
   return result;
 }
 
-void FieldInterpolationOptions::Describe(OptionTable* table) {
+void FieldInterpolationOptions::Describe(OptionTable* table) const {
   table->Section("FieldInterpolation");
   table->Field("long_side", &long_side, AtLeast(16),
                "Long side of the grid of correspondences that is interpolated from matches.");

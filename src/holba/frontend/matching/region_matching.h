@@ -23,7 +23,7 @@ namespace holba {
 struct GroupVotingOptions {
   // Matched features that two groups must share; the paper's "exceeds 3".
   int min_num_votes = 4;
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct GroupMatch {
@@ -69,7 +69,7 @@ struct RegionWarpOptions {
   double min_intersection_px = 1000.0;
   // Correspondences less certain than this count as not seen.
   double min_certainty = 0.3;
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 struct RegionMatch {
@@ -97,7 +97,7 @@ struct FieldInterpolationOptions {
   int long_side = 400;
   // Triangles with a longer side span different surfaces; of 800 px, in either image.
   double max_side_px = 120.0;
-  void Describe(OptionTable* table);
+  void Describe(OptionTable* table) const;
 };
 
 // The field of sparse matches (pixels of image 1, of image 2): affine in each triangle of their

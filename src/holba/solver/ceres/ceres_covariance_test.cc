@@ -50,7 +50,7 @@ TEST(Covariance, IsThatOfCeres) {
   }
   problem.AddBatch(std::move(batch));
 
-  const std::optional<Covariance> covariance = Covariance::Compute(problem);
+  const std::optional<Covariance> covariance = Covariance::Compute(problem, -1);
   ASSERT_TRUE(covariance.has_value());
 
   ceres::Problem::Options not_owner;

@@ -393,7 +393,7 @@ TEST(NormalEquations, HaveNoCovarianceWhereTheGaugeIsFree) {
       std::make_unique<KernelBatch<WavyKernel>>("weak", 1, std::vector<int>{6}, WavyKernel{1, {6}});
   batch->Add(std::array{pose}, {1});
   wavy.problem.AddBatch(std::move(batch));
-  EXPECT_FALSE(Covariance::Compute(wavy.problem).has_value());
+  EXPECT_FALSE(Covariance::Compute(wavy.problem, -1).has_value());
 }
 
 TEST(NormalEquations, AreTheSameBitForBitForEveryNumberOfThreads) {
