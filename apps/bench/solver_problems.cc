@@ -148,10 +148,20 @@ std::vector<SolverProblemSource> SolverProblemSources(const SolverProblemOptions
 }
 
 Reconstruction LocalCut(const Reconstruction& model, size_t num_images, size_t max_points) {
+  std::vector<image_t> image_ids;
+  for (const auto& [image_id, image] : model.images) {
+    if (image_ids.size() == num_images) break;
+    image_ids.push_back(image_id);
+  }
+  return CutOut(model, image_ids, max_points);
+}
+
+Reconstruction CutOut(const Reconstruction& model, std::span<const image_t> image_ids,
+                      size_t max_points) {
   Reconstruction cut;
   std::vector<std::pair<image_t, Image>> images;
-  for (const auto& [image_id, image] : model.images) {
-    if (images.size() == num_images) break;
+  for (const image_t image_id : image_ids) {
+    const Image& image = model.images.at(image_id);
     images.emplace_back(image_id, image);
     Image& kept = images.back().second;
     kept.points2D.clear();

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,9 @@ struct SolverProblemSource {
 // Throws InputError for an unknown name.
 std::vector<SolverProblemSource> SolverProblemSources(const SolverProblemOptions& options);
 
+// Some images and the points with at least two observations in them, at most `max_points`.
+Reconstruction CutOut(const Reconstruction& model, std::span<const image_t> image_ids,
+                      size_t max_points);
 // The first `num_images` images and the points with at least two observations in them, at most
 // `max_points`.
 Reconstruction LocalCut(const Reconstruction& model, size_t num_images, size_t max_points);

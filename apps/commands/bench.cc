@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "apps/bench/accuracy.h"
+#include "apps/bench/local_bench.h"
 #include "apps/bench/solver_bench.h"
 #include "apps/bench/timing.h"
 #include "apps/bench/vp_detection.h"
@@ -15,7 +16,7 @@
 namespace holba {
 namespace {
 
-enum class Benchmark { kIterations, kWireframeForm, kAccuracy, kSolver, kVpDetection };
+enum class Benchmark { kIterations, kWireframeForm, kAccuracy, kSolver, kLocal, kVpDetection };
 enum class VisibilityChoice { kDefault, kRandom, kNear, kCluster, kBoth };
 enum class SchurChoice { kDense, kSparse, kBoth };
 
@@ -44,13 +45,15 @@ class BenchJob : public Job {
                    {"wireframe_form", Benchmark::kWireframeForm},
                    {"accuracy", Benchmark::kAccuracy},
                    {"solver", Benchmark::kSolver},
+                   {"local", Benchmark::kLocal},
                    {"vp_detection", Benchmark::kVpDetection}},
                   "Which benchmark (time per iteration of the four configurations; the same of the "
                   "2D and 3D form of the wireframe; errors against the truth; the native solver "
-                  "against Ceres; vanishing points in photographs against labelled ones).");
+                  "against Ceres; a part of a model against the part alone; vanishing points in "
+                  "photographs against labelled ones).");
     table->Field("num_images", &num_images_, AtLeast(10),
                  "Sizes of the scenes, by default 100,200,500,1000; wireframe_form: 100,200,500; "
-                 "accuracy, which takes one: 100.");
+                 "accuracy, which takes one: 100; local, which takes one: 2000.");
     table->Field("seed", &scene_.seed, AnyValue(), "First seed of the scenes.");
     table->Choice("visibility", &visibility_,
                   {{"default", VisibilityChoice::kDefault},
@@ -138,6 +141,8 @@ class BenchJob : public Job {
       RunAccuracy(invocation);
     } else if (benchmark_ == Benchmark::kSolver) {
       RunSolverBench(invocation);
+    } else if (benchmark_ == Benchmark::kLocal) {
+      RunLocal(invocation);
     } else if (benchmark_ == Benchmark::kVpDetection) {
       RunVpDetection(invocation);
     } else {
@@ -194,6 +199,17 @@ class BenchJob : public Job {
     options.solver = solver_;
     const SolverBenchResult result = BenchSolvers(options);
     Print(invocation, SolverTables(result), SolverBenchToJson(result));
+  }
+
+  void RunLocal(const Invocation& invocation) const {
+    LocalBenchOptions options;
+    if (!num_images_.empty())
+      options.num_images = WholeNumbers("num_images", num_images_, options.part_images);
+    options.seed = scene_.seed;
+    options.bundle = bundle_;
+    options.solver = solver_;
+    const std::vector<LocalBenchResult> results = BenchLocal(options);
+    Print(invocation, LocalTables(options, results), LocalBenchToJson(results));
   }
 
   void RunVpDetection(const Invocation& invocation) const {
@@ -289,6 +305,9 @@ Command BenchCommand() {
           "--iterations iterations with the gauge fixed. Not run, and shown "
           "as skipped: dense systems above 6000 unknowns, factorised by Eigen above 3000. Times "
           "stand beside a floor: the operations that the step needs at the machine's peak.\n\n"
+          "local: 12 images in a row of a street of --num_images images, the observations in other "
+          "images left out, adjusted in the model and as a model of their own: selecting, "
+          "building, solving, writing back.\n\n"
           "vp_detection: vanishing points found in the segments of each photograph against the "
           "labelled ones, for --num_seeds seeds of the detection: the part of the labelled "
           "directions that have a found one within 2, 5 and 10 degrees, found ones more than 5 "

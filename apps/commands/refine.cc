@@ -133,7 +133,7 @@ class RefineJob : public Job {
     WriteStructurePly(model, output_path_);
     if (covariances_) {
       const auto uncertainty =
-          EstimateUncertainty(model, output->refine.stage1_options, output->refine.stage1, {},
+          EstimateUncertainty(model, output->refine.stage1_options, output->refine.stage1,
                               refine_.solver.num_threads);
       if (uncertainty) {
         WriteUncertainty(*uncertainty, std::filesystem::path(output_path_) / "covariances.txt");

@@ -4,37 +4,22 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <optional>
-#include <set>
 
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/camera_shift.h"
-#include "holba/scene/selection.h"
+#include "holba/bundle/losses.h"
 
 namespace holba {
 namespace {
 
-// Median of |x| of a normal distribution is 0.6745 sigma.
-constexpr double kSigmaPerMedian = 1.4826;
-// Scales that differ less than this are the same.
-constexpr double kScaleTolerance = 0.02;
-// Sine of 0.01 degrees: no direction is known better.
-constexpr double kMinAngularScale = 1.7e-4;
 constexpr int kMaxRounds = 12;
 // A round before the last need not converge: it only has to bring the residuals near.
 constexpr int kRoundIterations = 15;
 constexpr double kRoundTolerance = 1e-4;
 // Above so many frames the cameras' covariances cost more than the adjustment.
 constexpr size_t kMaxFramesOfReference = 2000;
-
-double Median(std::vector<double>* values) {
-  if (values->empty()) return 0.0;
-  const auto middle = values->begin() + values->size() / 2;
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
 
 void Accumulate(const SolverSummary& round, SolverSummary* sum) {
   SolverSummary merged = round;
@@ -53,228 +38,81 @@ void Accumulate(const SolverSummary& round, SolverSummary* sum) {
   *sum = std::move(merged);
 }
 
-// Terms whose loss scale is measured, and the weight of angular terms, which follows the noise in
-// pixels: cost in px^2 is noise^2 times a chi-square, so a variance in an angle needs that factor
-// to weigh what it says. Scales outlive a problem: the next one begins where the last ended.
-class AutoScales {
- public:
-  explicit AutoScales(const BundleOptions& options)
-      : options_(options), sigmas_(options.known_auto_sigmas) {
-    for (const auto& [term, sigma] : sigmas_) scales_[term] = GoalOf(term, sigma);
-  }
-
-  // Sets the losses of a new problem. True: some scale is new and has to be annealed.
-  bool Begin(const Problem& problem) {
-    bool fresh = false;
-    terms_.clear();
-    angular_.clear();
-    structure_points_.clear();
-    for (const auto& batch : problem.batches()) {
-      const std::string& term = batch->term();
-      if (batch->angular) angular_.emplace_back(batch.get(), batch->weight);
-      if (term == "structure_point") structure_points_.emplace_back(batch.get(), batch->weight);
-      if (options_[FamilyOf(term)].loss != LossChoice::kAuto || term.ends_with("_3d") ||
-          terms_.contains(term))
-        continue;
-      terms_.insert(term);
-      if (scales_.contains(term)) continue;
-      fresh = true;
-      scales_[term] = options_.auto_start_multiple * Goal(problem, term);
-    }
-    Apply(problem);
-    return fresh;
-  }
-  bool empty() const { return terms_.empty(); }
-
-  // Halves the scales towards their goals. True: they had arrived.
-  bool Tighten(const Problem& problem) {
-    bool arrived = true;
-    for (const std::string& term : terms_) {
-      double& scale = scales_[term];
-      const double next = std::max(Goal(problem, term), 0.5 * scale);
-      if (std::abs(next - scale) > kScaleTolerance * scale) arrived = false;
-      scale = next;
-    }
-    Apply(problem);
-    return arrived;
-  }
-  const std::map<std::string, double>& scales() const { return scales_; }
-  const std::map<std::string, double>& sigmas() const { return sigmas_; }
-  std::string Text() const {
-    std::string text;
-    for (const std::string& term : terms_) {
-      text += fmt::format("{} {} {:.3f} px", text.empty() ? "" : ",", term, scales_.at(term));
-    }
-    return text;
-  }
-  void Apply(const Problem& problem) const {
-    for (const auto& batch : problem.batches()) {
-      if (terms_.contains(batch->term()))
-        batch->loss = {LossType::kCauchy, scales_.at(batch->term())};
-    }
-    for (const auto& [batch, weight] : angular_) batch->weight = AngularFactor() * weight;
-    for (const auto& [batch, weight] : structure_points_)
-      batch->weight = StructurePointFactor() * weight;
-  }
-  // Variance of the noise of one coordinate, px^2, where it is measured; 1: the weights of angular
-  // terms as they are.
-  double AngularFactor() const {
-    for (const char* term : {"point", "line"}) {
-      const auto sigma = sigmas_.find(term);
-      if (sigma == sigmas_.end()) continue;
-      const double least = options_.auto_min_scale_px / options_.auto_num_sigmas;
-      return std::pow(std::max(sigma->second, least), 2);
-    }
-    return 1.0;
-  }
-  // Variance of the noise of points by that of points of structure, where both are measured: what
-  // is placed worse weighs less.
-  double StructurePointFactor() const {
-    const auto points = sigmas_.find("point"), of_structure = sigmas_.find("structure_point");
-    if (points == sigmas_.end() || of_structure == sigmas_.end()) return 1.0;
-    if (!(of_structure->second > points->second)) return 1.0;
-    return std::pow(points->second / of_structure->second, 2);
-  }
-
- private:
-  double Goal(const Problem& problem, const std::string& term) {
-    const double sigma = RobustSigma(problem, term);
-    sigmas_[term] = sigma;
-    return GoalOf(term, sigma);
-  }
-  double GoalOf(const std::string& term, double sigma) const {
-    return std::max(options_.auto_num_sigmas * sigma,
-                    IsAngular(FamilyOf(term)) ? kMinAngularScale : options_.auto_min_scale_px);
-  }
-
-  const BundleOptions& options_;
-  std::set<std::string> terms_;                             // of the problem at hand
-  std::vector<std::pair<ResidualBatch*, double>> angular_;  // of it, with their weights as given
-  std::vector<std::pair<ResidualBatch*, double>> structure_points_;
-  std::map<std::string, double> scales_;
-  std::map<std::string, double> sigmas_;
-};
-
-// Estimates what the configuration left out, with everything that took part held: first lines on
-// their own, then groups on the features as they are.
-void RefitOthers(BundleOptions options, SolverOptions solver_options, Reconstruction* model) {
-  const bool lines =
-      options.config < BundleConfig::kPointLine && !model->lines3D.empty() && !options.fix_lines;
-  const bool groups =
-      options.config < BundleConfig::kGroups && !model->groups3D.empty() && !options.fix_groups;
-  solver_options.on_iteration = nullptr;
-  options.refit_others = false;
-  options.fix_poses = options.fix_points = true;
-  options.refine_focal_length = options.refine_principal_point = options.refine_extra_params =
-      false;
-  if (lines) {
-    options.config = BundleConfig::kPointLine;
-    AdjustBundle(options, solver_options, model);
-  }
-  if (groups) {
-    options.config = BundleConfig::kGroups;
-    options.fix_lines = true;
-    AdjustBundle(options, solver_options, model);
-  }
+void SetTerms(const Problem& problem, std::vector<TermCost>* terms, double* cost) {
+  *terms = EvaluateTerms(problem);
+  *cost = 0.0;
+  for (const TermCost& term : *terms) *cost += term.cost;
 }
 
-}  // namespace
-
-double RobustSigma(const Problem& problem, const std::string& term) {
-  std::vector<double> values = ResidualNorms(problem, term, true);
-  if (term == "line" || term == "group_line") {
-    // Perpendicular vectors, two components each: their length is the distance.
-    for (size_t i = 0; i + 1 < values.size(); i += 2)
-      values[i / 2] = std::hypot(values[i], values[i + 1]);
-    values.resize(values.size() / 2);
-  }
-  return kSigmaPerMedian * Median(&values);
-}
-
-namespace {
-
-// One adjustment: its rounds share loss scales, log and summary.
+// One adjustment of one selection: its rounds share gauge, loss scales, log and summary. The
+// sequence of Run is drawn in docs/adjust.md.
 class Adjuster {
  public:
-  Adjuster(const BundleOptions& options, const SolverOptions& solver_options, Reconstruction* model,
+  Adjuster(const BundleOptions& options, const SolverOptions& solver_options,
+           const BundleSelection& selection, Reconstruction* model,
            std::span<const GroupMeasurement> measurements, const RoundLog& log)
       : options_(options),
         solver_options_(solver_options),
+        selection_(selection),
         model_(*model),
         measurements_(measurements),
         log_(log),
         scales_(options_) {}
 
   BundleSummary Run() {
-    const std::vector<double> start = BuildProblem(model_, options_, measurements_).problem.state();
-    SetReference();
-    AssociationFilter filter;
+    const std::vector<double> start = Build().problem.state();
+    AdjustPointsForReference();
     if (HasAssociations()) {
-      AdjustLines();
-      filter = Gate();
+      AdjustFeatures();
+      GateAssociations();
     }
-    const auto adjust = [&] {
-      BundleProblem bundle = BuildProblem(model_, options_, measurements_, &filter);
-      Anneal(&bundle.problem);
-      if (!stopped_) Solve(solver_options_, &bundle.problem);
-      return bundle;
-    };
-    BundleProblem bundle = adjust();
+    BundleProblem bundle = AdjustAll();
     if (Contradicts(bundle)) {
-      HoldCameras();
-      bundle = adjust();
+      ReturnToReference();
+      bundle = AdjustAll();
     }
-    if (stopped_)
-      SetTerms(bundle.problem, &summary_.solver.final_terms, &summary_.solver.final_cost);
     WriteBack(bundle, &model_);
-
-    summary_.filter = std::move(filter);
-    summary_.auto_scales = scales_.scales();
-    summary_.auto_sigmas = scales_.sigmas();
-    summary_.angular_weight_factor = scales_.AngularFactor();
-    summary_.structure_point_weight_factor = scales_.StructurePointFactor();
-    // Costs before, with the losses and associations of the end.
-    bundle.problem.state() = start;
-    SetTerms(bundle.problem, &summary_.solver.initial_terms, &summary_.solver.initial_cost);
+    Summarise(start, &bundle);
     return std::move(summary_);
   }
 
  private:
-  static void SetTerms(const Problem& problem, std::vector<TermCost>* terms, double* cost) {
-    *terms = EvaluateTerms(problem);
-    *cost = 0.0;
-    for (const TermCost& term : *terms) *cost += term.cost;
+  // All that is selected, with the associations that have passed.
+  BundleProblem Build() const {
+    return BuildProblem(model_, options_, selection_, measurements_, &summary_.filter);
+  }
+  // Points and lines alone.
+  BundleProblem BuildFeatures(const BundleSelection& selection) const {
+    BundleOptions features_only = options_;
+    features_only.config = BundleConfig::kPointLine;
+    return BuildProblem(model_, features_only, selection);
   }
 
   bool HasAssociations() const {
     return options_.gate && options_.config >= BundleConfig::kGroups &&
-           (!model_.groups3D.empty() || !model_.wireframe.empty());
+           (!selection_.groups.empty() || !selection_.wireframe.empty());
+  }
+  // Whether points alone say how sure the cameras are, and something else could move these.
+  bool HasReference() const {
+    return options_.max_camera_shift_sigmas > 0.0 && options_.config != BundleConfig::kPoint &&
+           selection_.HasVariableFrame() && !options_.fix_points &&
+           options_.gauge == Gauge::kTwoCams && !selection_.gauge.needs_structure &&
+           !selection_.points.empty() && selection_.frames.size() <= kMaxFramesOfReference;
   }
 
-  // Points alone, where that says how sure the cameras are and something else could move them.
-  void SetReference() {
-    if (options_.max_camera_shift_sigmas <= 0.0 || options_.config == BundleConfig::kPoint ||
-        options_.fix_poses || options_.fix_points || options_.gauge != Gauge::kTwoCams ||
-        model_.points3D.empty() || model_.frames.size() > kMaxFramesOfReference)
-      return;
+  // Points alone: where they have the cameras, and how surely.
+  void AdjustPointsForReference() {
+    if (!HasReference()) return;
     BundleOptions points_only = options_;
     points_only.config = BundleConfig::kPoint;
-    const Reconstruction alone = Select(
-        model_,
-        {.keep_point = [&](point3D_t id,
-                           const Point3D&) { return !options_.points_of_structure.contains(id); },
-         .keep_line = {},
-         .keep_group = {}});
-    BundleProblem bundle = BuildProblem(alone, points_only);
-    Anneal(&bundle.problem);
-    if (!stopped_) Solve(solver_options_, &bundle.problem);
+    BundleProblem bundle =
+        BuildProblem(model_, points_only, WithoutPointsOfStructure(options_, selection_));
+    AnnealAndSolve(solver_options_, &bundle.problem);
     if (stopped_) return;
-    std::optional<CameraReference> reference =
-        CameraReference::Of(bundle, solver_options_.num_threads, &workspace_);
-    if (!reference) return;
+    reference_ = CameraReference::Of(bundle, solver_options_.num_threads, &workspace_);
+    if (!reference_) return;
     WriteBack(bundle, &model_);
     points_alone_.emplace(std::move(bundle));
-    reference_ = std::move(reference);
   }
 
   // Whether a problem's cameras are farther from those of points alone than these are uncertain.
@@ -290,59 +128,77 @@ class Adjuster {
 
   // Back to the cameras (and points) of points alone; there they stay. Not to those of points and
   // lines, where these passed: less information has less to contradict with.
-  void HoldCameras() {
+  void ReturnToReference() {
     WriteBack(*points_alone_, &model_);
-    options_.fix_poses = true;
-    options_.refine_focal_length = options_.refine_principal_point = options_.refine_extra_params =
-        false;
+    selection_.HoldCameras();
     summary_.cameras_held = true;
     reference_.reset();
     if (log_) log_("They contradict the points: the cameras stay");
   }
 
-  // Points and lines alone.
-  void AdjustLines() {
-    BundleOptions features_only = options_;
-    features_only.config = BundleConfig::kPointLine;
-    BundleProblem bundle = BuildProblem(model_, features_only);
-    Anneal(&bundle.problem);
-    if (!stopped_) Solve(solver_options_, &bundle.problem);
+  // Points and lines alone: what structure is tested on.
+  void AdjustFeatures() {
+    const auto adjust = [&] {
+      BundleProblem bundle = BuildFeatures(selection_);
+      AnnealAndSolve(solver_options_, &bundle.problem);
+      return bundle;
+    };
+    BundleProblem bundle = adjust();
     if (Contradicts(bundle)) {
-      HoldCameras();
-      AdjustLines();
-      return;
+      ReturnToReference();
+      bundle = adjust();
     }
     WriteBack(bundle, &model_);
   }
 
-  // Rounds of testing and adjusting. Leaves the model near the optimum of the associations that it
-  // returns.
-  AssociationFilter Gate() {
-    BundleOptions features_only = options_;
-    features_only.config = BundleConfig::kPointLine;
-    // Features as seen, at the cameras of the round: without the pull of what is to be tested.
-    features_only.fix_poses = true;
-    features_only.refine_focal_length = features_only.refine_principal_point =
-        features_only.refine_extra_params = false;
-    AssociationReport report;
+  // Rounds of testing and adjusting. Leaves the model near the optimum of the associations that
+  // passed.
+  void GateAssociations() {
     for (int round = 0; round < options_.gate_rounds && !stopped_; ++round) {
-      BundleProblem features = BuildProblem(model_, features_only);
-      scales_.Begin(features.problem);
-      if (round > 0) Solve(Short(), &features.problem);
-      report = TestAssociations(model_, features, options_.gate_confidence);
-      if (!options_.fix_groups) {
-        for (auto& [id, params] : report.group_params) model_.groups3D.at(id).params = params;
-      }
-      LogReport(report);
+      const BundleProblem features = EstimateFeatures(round);
+      TakeAssociations(TestAssociations(model_, features, options_.gate_confidence));
       if (round + 1 == options_.gate_rounds) break;
-      BundleProblem all = BuildProblem(model_, options_, measurements_, &report.filter);
-      Anneal(&all.problem);
-      if (!stopped_) Solve(Short(), &all.problem);
+      BundleProblem all = Build();
+      AnnealAndSolve(Short(), &all.problem);
       WriteBack(all, &model_);
     }
-    summary_.associations = report.counts;
+  }
+  // Features as seen, at the cameras of the round: without the pull of what is to be tested.
+  BundleProblem EstimateFeatures(int round) {
+    BundleSelection cameras_held = selection_;
+    cameras_held.HoldCameras();
+    BundleProblem features = BuildFeatures(cameras_held);
+    scales_.Begin(features.problem);
+    if (round > 0) Solve(Short(), &features.problem);
+    return features;
+  }
+  void TakeAssociations(AssociationReport report) {
+    if (!options_.fix_groups) {
+      for (auto& [id, params] : report.group_params) model_.groups3D.at(id).params = params;
+    }
+    LogReport(report);
+    summary_.associations = std::move(report.counts);
     summary_.groups_dropped = report.groups_dropped;
-    return report.filter;
+    summary_.filter = std::move(report.filter);
+  }
+
+  // Everything with the associations that passed, to convergence.
+  BundleProblem AdjustAll() {
+    BundleProblem bundle = Build();
+    AnnealAndSolve(solver_options_, &bundle.problem);
+    return bundle;
+  }
+
+  void Summarise(const std::vector<double>& start, BundleProblem* bundle) {
+    SolverSummary& solver = summary_.solver;
+    if (stopped_) SetTerms(bundle->problem, &solver.final_terms, &solver.final_cost);
+    summary_.auto_scales = scales_.scales();
+    summary_.auto_sigmas = scales_.sigmas();
+    summary_.angular_weight_factor = scales_.AngularFactor();
+    summary_.structure_point_weight_factor = scales_.StructurePointFactor();
+    // Costs before, with the losses and associations of the end.
+    bundle->problem.state() = start;
+    SetTerms(bundle->problem, &solver.initial_terms, &solver.initial_cost);
   }
 
   void LogReport(const AssociationReport& report) const {
@@ -363,8 +219,12 @@ class Adjuster {
     return options;
   }
 
+  // Rounds of Cauchy whose scales are measured and tightened, then one with `last`.
+  void AnnealAndSolve(const SolverOptions& last, Problem* problem) {
+    if (scales_.Begin(*problem)) Anneal(problem);
+    if (!stopped_) Solve(last, problem);
+  }
   void Anneal(Problem* problem) {
-    if (!scales_.Begin(*problem)) return;
     for (int round = 0; round < kMaxRounds && !stopped_; ++round) {
       if (log_) log_(fmt::format("Cauchy scales:{}", scales_.Text()));
       Solve(Short(), problem);
@@ -381,8 +241,9 @@ class Adjuster {
     ++summary_.rounds;
   }
 
-  BundleOptions options_;
+  const BundleOptions& options_;
   const SolverOptions& solver_options_;
+  BundleSelection selection_;
   Reconstruction& model_;
   std::span<const GroupMeasurement> measurements_;
   const RoundLog& log_;
@@ -395,6 +256,28 @@ class Adjuster {
   bool stopped_ = false;                       // by the caller, or because time is up
 };
 
+// Estimates what the configuration left out, with everything that took part held: first lines on
+// their own, then groups on the features as they are.
+void RefitOthers(BundleOptions options, SolverOptions solver_options, BundleSelection selection,
+                 Reconstruction* model) {
+  const bool lines =
+      options.config < BundleConfig::kPointLine && !model->lines3D.empty() && !options.fix_lines;
+  const bool groups =
+      options.config < BundleConfig::kGroups && !model->groups3D.empty() && !options.fix_groups;
+  solver_options.on_iteration = nullptr;
+  selection.HoldCameras();
+  selection.HoldPoints();
+  if (lines) {
+    options.config = BundleConfig::kPointLine;
+    Adjuster(options, solver_options, selection, model, {}, {}).Run();
+  }
+  if (groups) {
+    options.config = BundleConfig::kGroups;
+    selection.HoldLines();
+    Adjuster(options, solver_options, selection, model, {}, {}).Run();
+  }
+}
+
 }  // namespace
 
 BundleSummary AdjustBundle(const BundleOptions& given, const SolverOptions& solver_options,
@@ -403,8 +286,10 @@ BundleSummary AdjustBundle(const BundleOptions& given, const SolverOptions& solv
   const Timer timer;
   BundleOptions options = given;
   options.SetDefaultLosses(false);
-  BundleSummary summary = Adjuster(options, solver_options, model, measurements, log).Run();
-  if (options.refit_others) RefitOthers(options, solver_options, model);
+  const BundleSelection selection = BundleSelection::Everything(*model, options);
+  BundleSummary summary =
+      Adjuster(options, solver_options, selection, model, measurements, log).Run();
+  if (options.refit_others) RefitOthers(options, solver_options, selection, model);
   UpdateErrors(model);
   summary.solver.total_seconds = timer.Seconds();
   return summary;

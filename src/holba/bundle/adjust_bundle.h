@@ -11,6 +11,7 @@
 
 #include "holba/bundle/association_gate.h"
 #include "holba/bundle/bundle_options.h"
+#include "holba/bundle/losses.h"
 #include "holba/scene/reconstruction.h"
 #include "holba/solver/solver.h"
 
@@ -57,9 +58,5 @@ BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& so
 // eight, also the empty ones), then those of measurements if given.
 std::vector<TermCost> EvaluateModel(const Reconstruction& model,
                                     std::span<const GroupMeasurement> measurements = {});
-
-// Standard deviation of the residuals of a term in its unit, from the median (so that outliers do
-// not count); of lines: of the distances of single end points. 0 without residuals.
-double RobustSigma(const Problem& problem, const std::string& term);
 
 }  // namespace holba

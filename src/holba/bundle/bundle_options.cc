@@ -43,6 +43,11 @@ void BundleOptions::SetDefaultLosses(bool is_bal) {
   }
 }
 
+void BundleOptions::HoldCameras() {
+  fix_poses = true;
+  refine_focal_length = refine_principal_point = refine_extra_params = false;
+}
+
 void BundleOptions::Describe(OptionTable* table) const {
   table->Section("Bundle");
   table->Choice("config", &config,

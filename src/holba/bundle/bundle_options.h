@@ -132,6 +132,8 @@ struct BundleOptions {
   const TermSettings& operator[](TermFamily family) const {
     return terms[static_cast<size_t>(family)];
   }
+  // Poses and intrinsics stay as they are.
+  void HoldCameras();
   // The choice of a family for a model (or, `is_bal`, a BAL problem).
   void SetDefaultLosses(bool is_bal);
   void Describe(OptionTable* table) const;

@@ -11,6 +11,7 @@
 
 #include "holba/bundle/association_gate.h"
 #include "holba/bundle/bundle_options.h"
+#include "holba/bundle/bundle_selection.h"
 #include "holba/problem/problem.h"
 #include "holba/residual/view.h"
 #include "holba/scene/reconstruction.h"
@@ -30,10 +31,17 @@ struct BundleProblem {
   std::vector<std::unique_ptr<SensorPose>> sensor_poses;
 };
 
-// All residuals of the configuration. The model must be consistent
-// (Reconstruction::FindInconsistency). Losses `auto` start as Cauchy at the settings' scale;
-// AdjustBundle moves them. Blocks and their order depend on model and options only, not on the
-// filter of associations (null: all take part).
+// All residuals of the selection and the configuration. The selection says what is held; the
+// options say which intrinsics move, weights, losses and forms. Losses `auto` start as Cauchy at
+// the settings' scale; AdjustBundle moves them. Blocks and their order depend on model, selection
+// and options only, not on the filter of associations (null: all take part). Costs what the
+// selection costs, however large the model is. The model must be consistent
+// (Reconstruction::FindInconsistency) and outlive the problem.
+BundleProblem BuildProblem(const Reconstruction& model, const BundleOptions& options,
+                           const BundleSelection& selection,
+                           std::span<const GroupMeasurement> measurements = {},
+                           const AssociationFilter* filter = nullptr);
+// Of BundleSelection::Everything.
 BundleProblem BuildProblem(const Reconstruction& model, const BundleOptions& options,
                            std::span<const GroupMeasurement> measurements = {},
                            const AssociationFilter* filter = nullptr);
@@ -43,7 +51,9 @@ BundleProblem BuildProblem(const Reconstruction& model, const BundleOptions& opt
 void WriteBack(const BundleProblem& bundle, Reconstruction* model);
 
 // Mean reprojection errors of points, and of lines the mean over segments of the root mean square
-// end point distance.
+// end point distance; over all observations, also those that took no part.
 void UpdateErrors(Reconstruction* model);
+// Of the points and lines of a selection.
+void UpdateErrors(const BundleSelection& selection, Reconstruction* model);
 
 }  // namespace holba

@@ -5,7 +5,6 @@
 
 #include "holba/bundle/bundle_problem.h"
 #include "holba/geometry/manifold.h"
-#include "holba/scene/selection.h"
 #include "holba/solver/covariance.h"
 
 namespace holba {
@@ -33,9 +32,11 @@ Eigen::MatrixXd FileParamsByTangent(const GroupType& type, const double* g) {
 
 // Adds what the problem of `options` knows and `result` does not have yet; false: singular.
 bool AddCovariances(const Reconstruction& model, const BundleOptions& options,
-                    const BundleSummary& summary, std::span<const GroupMeasurement> measurements,
-                    int num_threads, ModelUncertainty* result) {
-  const BundleProblem bundle = BuildProblem(model, options, measurements, &summary.filter);
+                    const BundleSelection& selection, const BundleSummary& summary,
+                    std::span<const GroupMeasurement> measurements, int num_threads,
+                    ModelUncertainty* result) {
+  const BundleProblem bundle =
+      BuildProblem(model, options, selection, measurements, &summary.filter);
   const Problem& problem = bundle.problem;
   for (const auto& batch : problem.batches()) {
     const auto scale = summary.auto_scales.find(batch->term());
@@ -90,22 +91,17 @@ std::optional<ModelUncertainty> EstimateUncertainty(
   BundleOptions options = given;
   options.SetDefaultLosses(false);
   ModelUncertainty result;
+  BundleSelection selection = BundleSelection::Everything(model, options);
   if (summary.cameras_held) {
     // What contradicts the points does not make the cameras surer.
     BundleOptions points_only = options;
     points_only.config = BundleConfig::kPoint;
-    const Reconstruction alone = Select(
-        model,
-        {.keep_point = [&](point3D_t id,
-                           const Point3D&) { return !options.points_of_structure.contains(id); },
-         .keep_line = {},
-         .keep_group = {}});
-    if (!AddCovariances(alone, points_only, summary, {}, num_threads, &result)) return std::nullopt;
-    options.fix_poses = true;
-    options.refine_focal_length = options.refine_principal_point = options.refine_extra_params =
-        false;
+    if (!AddCovariances(model, points_only, WithoutPointsOfStructure(options, selection), summary,
+                        {}, num_threads, &result))
+      return std::nullopt;
+    selection.HoldCameras();
   }
-  if (!AddCovariances(model, options, summary, measurements, num_threads, &result))
+  if (!AddCovariances(model, options, selection, summary, measurements, num_threads, &result))
     return std::nullopt;
   return result;
 }

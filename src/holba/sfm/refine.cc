@@ -22,12 +22,6 @@ double SigmaPx(const BundleSummary& summary, const std::string& term, double oth
   return it != summary.auto_sigmas.end() && it->second > 0.0 ? it->second : otherwise;
 }
 
-void HoldCameras(BundleOptions* options) {
-  options->fix_poses = true;
-  options->refine_focal_length = options->refine_principal_point = options->refine_extra_params =
-      false;
-}
-
 // One run of RefineModel.
 class Refiner {
  public:
@@ -36,7 +30,7 @@ class Refiner {
       : options_(options), features_(features), model_(*model), log_(log) {
     options_.structure.SetNumThreads(options.solver.num_threads);
     bundle_ = options.bundle;
-    if (options.fix_poses) HoldCameras(&bundle_);
+    if (options.fix_poses) bundle_.HoldCameras();
   }
 
   RefineReport Run(const LineMatcher& match_lines, const RegionObserver& observe_regions) {
@@ -143,7 +137,7 @@ class Refiner {
     };
     part = Select(std::move(part), {.keep_point = {}, .keep_line = {}, .keep_group = has_members});
     BundleOptions options = bundle_;
-    HoldCameras(&options);
+    options.HoldCameras();
     options.fix_groups = true;
     report_.stage2 = AdjustBundle(options, options_.solver, &part, {}, log_);
     CopyValues(part, &model_);

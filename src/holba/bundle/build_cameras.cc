@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Blocks of poses and intrinsics, and what an image's residuals need of it.
+#include "holba/bundle/problem_builder.h"
+
+namespace holba {
+
+void ProblemBuilder::AddPosesAndCameras() {
+  const auto images = ImagesOf(model_, selection_);
+  image_idx_ = FlatIndex(images.size());
+  images_.reserve(images.size());
+  FlatIndex frame_idx(selection_.frames.size()), camera_idx(selection_.cameras.size());
+  for (const auto& frame : selection_.frames) frame_idx.Add(frame.id);
+  for (const auto& camera : selection_.cameras) camera_idx.Add(camera.id);
+  FlatIndex pose_idx(selection_.frames.size()), intrinsics_idx(selection_.cameras.size());
+  for (const auto& [image_id, image] : images) {
+    const Frame& frame = model_.frames.at(image->frame_id);
+    const auto [pose, new_pose] = pose_idx.Add(image->frame_id);
+    if (new_pose) {
+      const Eigen::Quaterniond q = frame.rig_from_world.rotation.normalized();
+      const Eigen::Vector3d& t = frame.rig_from_world.translation;
+      const double values[7] = {q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()};
+      const BlockId block =
+          problem_.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values);
+      problem_.block(block).constant =
+          selection_.frames[frame_idx.Find(image->frame_id)].constant;
+      out_.poses.emplace_back(image->frame_id, block);
+    }
+    const Camera& camera = model_.cameras.at(image->camera_id);
+    const auto [intrinsics, new_camera] = intrinsics_idx.Add(image->camera_id);
+    if (new_camera) {
+      const BlockId block = problem_.AddBlock("camera", EuclideanOps(camera.model->num_params),
+                                              BlockRole::kKept, camera.params);
+      const uint32_t idx = camera_idx.Find(image->camera_id);
+      HoldIntrinsics(*camera.model, idx == FlatIndex::kNone || selection_.cameras[idx].constant,
+                     &problem_.block(block));
+      out_.cameras.emplace_back(image->camera_id, block);
+    }
+    const BlockId camera_block = out_.cameras[intrinsics].second;
+    image_idx_.Add(image_id);
+    images_.push_back(
+        {image_id, out_.poses[pose].second, camera_block, AddSensorPose(frame, *image),
+         camera.model, camera.params.data(),
+         !camera.model->is_pinhole && problem_.block(camera_block).FreeTangent() > 0, image});
+  }
+  HoldGauge();
+}
+
+// Null for the reference sensor of a rig.
+const SensorPose* ProblemBuilder::AddSensorPose(const Frame& frame, const Image& image) {
+  const Rig& rig = model_.rigs.at(frame.rig_id);
+  if (rig.ref_sensor && *rig.ref_sensor == SensorId{SensorType::kCamera, image.camera_id})
+    return nullptr;
+  const auto [number, is_new] =
+      sensor_idx_.Add(uint64_t{frame.rig_id} << 32 | uint64_t{image.camera_id});
+  if (is_new) {
+    const Rigid3d& pose_in_rig = model_.SensorFromRig(image);
+    out_.sensor_poses.push_back(std::make_unique<SensorPose>(
+        SensorPose{pose_in_rig.RotationMatrix(), pose_in_rig.translation}));
+  }
+  return out_.sensor_poses[number].get();
+}
+
+void ProblemBuilder::HoldIntrinsics(const CameraModel& model, bool constant,
+                                    ParameterBlock* block) const {
+  uint32_t free = 0;
+  const auto release = [&](std::span<const int> idxs) {
+    for (int idx : idxs) free |= uint32_t{1} << idx;
+  };
+  if (!constant) {
+    if (options_.refine_focal_length) release(model.focal_idxs);
+    if (options_.refine_principal_point) release(model.principal_point_idxs);
+    if (options_.refine_extra_params) release(model.extra_idxs);
+  }
+  block->held = ~free & ((uint32_t{1} << model.num_params) - 1);
+  block->constant = free == 0;
+}
+
+void ProblemBuilder::HoldGauge() {
+  const FixedGauge& gauge = selection_.gauge;
+  const auto hold = [&](frame_t frame_id, uint32_t held) {
+    if (frame_id == kInvalidId32 || held == 0) return;
+    for (const auto& [id, block_id] : out_.poses) {
+      if (id != frame_id) continue;
+      ParameterBlock& block = problem_.block(block_id);
+      if (held == FixedGauge::kWholePose) block.constant = true;
+      if (!block.constant) block.held |= held;
+    }
+  };
+  hold(gauge.origin_frame, gauge.origin_held);
+  hold(gauge.scale_frame, gauge.scale_held);
+}
+
+}  // namespace holba

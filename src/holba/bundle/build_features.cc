@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Blocks of points and lines, and the residuals of their observations.
+#include <algorithm>
+#include <set>
+
+#include "holba/bundle/problem_builder.h"
+
+namespace holba {
+
+void ProblemBuilder::AddPoints() {
+  const size_t num_points = selection_.points.size();
+  problem_.Reserve(problem_.num_blocks() + num_points, problem_.state().size() + 3 * num_points);
+  out_.points.reserve(num_points);
+  const bool one_model = std::all_of(images_.begin(), images_.end(), [&](const auto& image) {
+    return image.model == images_.front().model;
+  });
+  // Groups and incidences look for points.
+  const bool is_looked_for = options_.config >= BundleConfig::kGroups;
+  if (is_looked_for) {
+    point_idx_ = FlatIndex(num_points);
+    points_.reserve(num_points);
+  }
+  RecordWalk records(model_.points3D);
+  for (const auto& selected : selection_.points) {
+    const Point3D& point = records.At(selected.id);
+    const bool of_structure = options_.points_of_structure.contains(selected.id);
+    const BlockId block = problem_.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature,
+                                            {point.xyz.data(), 3});
+    problem_.block(block).constant = selected.constant || !SeenInTwoImages(point.track);
+    out_.points.emplace_back(selected.id, block);
+    if (is_looked_for) {
+      point_idx_.Add(selected.id);
+      points_.push_back({block, &point});
+    }
+    ForEachObservation(point.track, [&](ImageBlocks& image, const PointObservation& observation) {
+      auto*& batch = of_structure ? image.structure_points : image.points;
+      if (batch == nullptr) {
+        batch = &BatchOf<PointResidual>(of_structure ? "structure_point" : "point",
+                                        {3, 6, image.model->num_params}, {image.model->id, -1, 0},
+                                        [&] { return PointResidual{image.model}; });
+        if (one_model && !of_structure) batch->Reserve(NumPointObservations());
+      }
+      batch->Add(std::array{block, image.pose, image.camera},
+                 {image.image->points2D[observation.point2D_idx].xy, image.sensor});
+    });
+  }
+}
+
+// At most; asked for once.
+size_t ProblemBuilder::NumPointObservations() const {
+  size_t count = 0;
+  RecordWalk records(model_.points3D);
+  for (const auto& selected : selection_.points) count += records.At(selected.id).track.size();
+  return count;
+}
+
+SegmentDatum ProblemBuilder::DatumOf(const ImageBlocks& image,
+                                     const LineObservation& observation) const {
+  const LineSegment2d& segment = image.image->lines2D[observation.line2D_idx].segment;
+  return {IdealObservation(*image.model, image.params, segment.start),
+          IdealObservation(*image.model, image.params, segment.end), image.sensor};
+}
+
+// Whether the lines with incidences leave the eliminated features (3D form only: it couples two
+// features).
+bool ProblemBuilder::LinesAreKept() const {
+  return options_.config >= BundleConfig::kHolistic &&
+         options_.wireframe_form == StructureForm::k3d;
+}
+
+void ProblemBuilder::AddLines() {
+  std::set<line3D_t> in_wireframe;
+  if (LinesAreKept()) {
+    for (const WireframeEdge& edge : selection_.wireframe) in_wireframe.insert(edge.line3D_id);
+  }
+  line_idx_ = FlatIndex(selection_.lines.size());
+  lines_.reserve(selection_.lines.size());
+  RecordWalk records(model_.lines3D);
+  BatchOfImages<LineResidual> batches;
+  for (const auto& selected : selection_.lines) {
+    const Line3D& line = records.At(selected.id);
+    // The anchor in the middle of the seen part keeps direction and position uncorrelated.
+    const Eigen::Vector3d anchor = line.line.ClosestPoint(0.5 * (line.start + line.end));
+    double values[6];
+    Eigen::Map<Eigen::Vector3d>{values} = line.line.direction.normalized();
+    Eigen::Map<Eigen::Vector3d>{values + 3} = anchor;
+    const BlockRole role =
+        in_wireframe.contains(selected.id) ? BlockRole::kKept : BlockRole::kFeature;
+    const BlockId block = problem_.AddBlock("line", OpsOf<LineManifold>(), role, values);
+    problem_.block(block).constant = selected.constant || !SeenInTwoImages(line.track);
+    line_idx_.Add(selected.id);
+    lines_.push_back({block, &line});
+    out_.lines.emplace_back(selected.id, block);
+    ForEachObservation(line.track, [&](const ImageBlocks& image, const LineObservation& o) {
+      auto& batch = batches.Of(image, [&]() -> auto& {
+        return BatchOf<LineResidual>("line", {4, 6, image.model->num_params},
+                                     {image.model->id, -1, image.observations_move}, [&] {
+                                       return LineResidual{{image.model, image.observations_move}};
+                                     });
+      });
+      batch.Add(std::array{block, image.pose, image.camera}, DatumOf(image, o));
+    });
+  }
+}
+
+}  // namespace holba

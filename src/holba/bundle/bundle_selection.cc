@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/bundle/bundle_selection.h"
+
+#include <algorithm>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+#include "holba/bundle/bundle_options.h"
+#include "holba/bundle/flat_index.h"
+#include "holba/bundle/structure_index.h"
+
+namespace holba {
+namespace {
+
+// Calls visit(image id, image) for each image of a frame that the model holds.
+template <typename Visitor>
+void ForEachImage(const Reconstruction& model, frame_t frame_id, const Visitor& visit) {
+  for (const Frame::Data& data : model.frames.at(frame_id).data) {
+    if (data.sensor.type != SensorType::kCamera || data.data_id >= kInvalidId32) continue;
+    const image_t image_id = static_cast<image_t>(data.data_id);
+    if (const Image* image = model.images.Find(image_id)) visit(image_id, *image);
+  }
+}
+
+bool HoldsCameras(const BundleOptions& options) {
+  return !options.refine_focal_length && !options.refine_principal_point &&
+         !options.refine_extra_params;
+}
+
+// Selects the part around some frames; each Add* is one kind of element.
+class AroundSelector {
+ public:
+  AroundSelector(const Reconstruction& model, const BundleOptions& options,
+                 const AroundOptions& around, const StructureIndex& structure)
+      : model_(model), options_(options), around_(around), structure_(structure) {}
+
+  BundleSelection Select(std::span<const image_t> image_ids) {
+    for (const image_t id : image_ids) AddFrame(model_.images.at(id).frame_id, options_.fix_poses);
+    const std::vector<const Image*> centre = images_;
+    const auto seen_points = SeenBy(centre, &Image::points2D, &Point2D::point3D_id);
+    std::vector<line3D_t> seen_lines;
+    if (options_.config >= BundleConfig::kPointLine)
+      seen_lines = SeenBy(centre, &Image::lines2D, &Line2D::line3D_id);
+    if (around_.surroundings) {
+      AddSurroundings(model_.points3D, seen_points);
+      AddSurroundings(model_.lines3D, seen_lines);
+    }
+    AddFeatures(model_.points3D, seen_points, options_.fix_points, &result_.points);
+    AddFeatures(model_.lines3D, seen_lines, options_.fix_lines, &result_.lines);
+    if (options_.config >= BundleConfig::kGroups) AddGroups();
+    if (options_.config >= BundleConfig::kHolistic) AddWireframe();
+    result_.gauge = ChooseGauge(model_, options_, result_);
+    return std::move(result_);
+  }
+
+ private:
+  void AddFrame(frame_t frame_id, bool constant) {
+    if (!frame_idx_.Add(frame_id).second) return;
+    result_.frames.push_back({frame_id, constant});
+    ForEachImage(model_, frame_id, [&](image_t image_id, const Image& image) {
+      image_idx_.Add(image_id);
+      images_.push_back(&image);
+      if (camera_idx_.Add(image.camera_id).second) {
+        result_.cameras.push_back(
+            {image.camera_id, around_.hold_cameras || HoldsCameras(options_)});
+      }
+    });
+  }
+
+  // Ids of the 3D features that some images see, each once.
+  template <typename Feature2D>
+  std::vector<uint64_t> SeenBy(const std::vector<const Image*>& images,
+                               std::vector<Feature2D> Image::* features,
+                               uint64_t Feature2D::* feature_id) const {
+    std::vector<uint64_t> ids;
+    FlatIndex seen;
+    for (const Image* image : images) {
+      for (const Feature2D& feature : image->*features) {
+        const uint64_t id = feature.*feature_id;
+        if (id != kNoId && seen.Add(id).second) ids.push_back(id);
+      }
+    }
+    return ids;
+  }
+
+  template <typename Map>
+  void AddSurroundings(const Map& features, const std::vector<uint64_t>& ids) {
+    for (const uint64_t id : ids) {
+      for (const auto& observation : features.at(id).track) {
+        if (!image_idx_.contains(observation.image_id))
+          AddFrame(model_.images.at(observation.image_id).frame_id, true);
+      }
+    }
+  }
+
+  // Those that two images of the selection see.
+  template <typename Map, typename Id>
+  void AddFeatures(const Map& features, const std::vector<uint64_t>& ids, bool constant,
+                   std::vector<Selected<Id>>* selected) const {
+    std::vector<size_t> positions;
+    positions.reserve(ids.size());
+    for (const uint64_t id : ids) {
+      const size_t position = features.IndexOf(id);
+      if (SeenInTwoImages((features.begin() + position)->second.track))
+        positions.push_back(position);
+    }
+    std::sort(positions.begin(), positions.end());
+    selected->reserve(positions.size());
+    for (const size_t position : positions)
+      selected->push_back({(features.begin() + position)->first, constant});
+  }
+
+  template <typename Track>
+  bool SeenInTwoImages(const Track& track) const {
+    image_t first = kInvalidId32;
+    for (const auto& observation : track) {
+      if (observation.image_id == first || !image_idx_.contains(observation.image_id)) continue;
+      if (first != kInvalidId32) return true;
+      first = observation.image_id;
+    }
+    return false;
+  }
+
+  void AddGroups() {
+    // Position of the group, kind of the member, its position, its id.
+    std::vector<std::tuple<uint32_t, int, uint32_t, uint64_t>> members;
+    for (const auto& point : result_.points) {
+      structure_.ForEachGroupOfPoint(point.id, [&](const StructureIndex::Membership& m) {
+        members.emplace_back(m.group_position, 0, m.member_position, point.id);
+      });
+    }
+    for (const auto& line : result_.lines) {
+      structure_.ForEachGroupOfLine(line.id, [&](const StructureIndex::Membership& m) {
+        members.emplace_back(m.group_position, 1, m.member_position, line.id);
+      });
+    }
+    std::sort(members.begin(), members.end());
+    std::vector<size_t> relations;
+    FlatIndex group_idx;
+    for (size_t begin = 0, end = 0; begin < members.size(); begin = end) {
+      const auto& [id, group] = *(model_.groups3D.begin() + std::get<0>(members[begin]));
+      SelectedGroup& selected = result_.groups.emplace_back();
+      selected.id = id;
+      for (; end < members.size() && std::get<0>(members[end]) == std::get<0>(members[begin]);
+           ++end) {
+        auto& ids =
+            std::get<1>(members[end]) == 0 ? selected.point3D_ids : selected.line3D_ids;
+        ids.push_back(std::get<3>(members[end]));
+      }
+      selected.constant = options_.fix_groups ||
+                          end - begin < group.point3D_ids.size() + group.line3D_ids.size();
+      group_idx.Add(id);
+      structure_.ForEachRelationFrom(id,
+                                     [&](size_t position) { relations.push_back(position); });
+    }
+    std::sort(relations.begin(), relations.end());
+    for (const size_t position : relations) {
+      const Relation& relation = model_.relations[position];
+      if (group_idx.contains(relation.group3D_id2)) result_.relations.push_back(relation);
+    }
+  }
+
+  void AddWireframe() {
+    FlatIndex line_idx(result_.lines.size());
+    for (const auto& line : result_.lines) line_idx.Add(line.id);
+    std::vector<size_t> edges;
+    for (const auto& point : result_.points) {
+      structure_.ForEachEdgeOfPoint(point.id, [&](size_t position) {
+        if (line_idx.contains(model_.wireframe[position].line3D_id)) edges.push_back(position);
+      });
+    }
+    std::sort(edges.begin(), edges.end());
+    for (const size_t position : edges) result_.wireframe.push_back(model_.wireframe[position]);
+  }
+
+  const Reconstruction& model_;
+  const BundleOptions& options_;
+  const AroundOptions& around_;
+  const StructureIndex& structure_;
+  BundleSelection result_;
+  FlatIndex frame_idx_, image_idx_, camera_idx_;
+  std::vector<const Image*> images_;
+};
+
+}  // namespace
+
+BundleSelection BundleSelection::Everything(const Reconstruction& model,
+                                            const BundleOptions& options) {
+  BundleSelection all;
+  FlatIndex frame_idx(model.frames.size());
+  for (const auto& [id, image] : model.images) {
+    if (frame_idx.Add(image.frame_id).second)
+      all.frames.push_back({image.frame_id, options.fix_poses});
+  }
+  for (const auto& [id, camera] : model.cameras) all.cameras.push_back({id, HoldsCameras(options)});
+  all.points.reserve(model.points3D.size());
+  for (const auto& [id, point] : model.points3D) all.points.push_back({id, options.fix_points});
+  all.lines.reserve(model.lines3D.size());
+  for (const auto& [id, line] : model.lines3D) all.lines.push_back({id, options.fix_lines});
+  all.groups.reserve(model.groups3D.size());
+  for (const auto& [id, group] : model.groups3D)
+    all.groups.push_back({id, options.fix_groups, group.point3D_ids, group.line3D_ids});
+  all.wireframe = model.wireframe;
+  all.relations = model.relations;
+  all.gauge = ChooseGauge(model, options, all);
+  return all;
+}
+
+BundleSelection BundleSelection::Around(const Reconstruction& model, const BundleOptions& options,
+                                        std::span<const image_t> image_ids,
+                                        const AroundOptions& around,
+                                        const StructureIndex* structure) {
+  std::optional<StructureIndex> made;
+  if (structure == nullptr) structure = &made.emplace(model);
+  return AroundSelector(model, options, around, *structure).Select(image_ids);
+}
+
+void BundleSelection::HoldCameras() {
+  for (auto& frame : frames) frame.constant = true;
+  for (auto& camera : cameras) camera.constant = true;
+  gauge = {};
+}
+
+void BundleSelection::HoldPoints() {
+  for (auto& point : points) point.constant = true;
+}
+
+void BundleSelection::HoldLines() {
+  for (auto& line : lines) line.constant = true;
+}
+
+bool BundleSelection::HasVariableFrame() const {
+  return std::any_of(frames.begin(), frames.end(), [](const auto& f) { return !f.constant; });
+}
+
+BundleSelection WithoutPointsOfStructure(const BundleOptions& options, BundleSelection selection) {
+  std::erase_if(selection.points, [&](const auto& point) {
+    return options.points_of_structure.contains(point.id);
+  });
+  return selection;
+}
+
+std::vector<std::pair<image_t, const Image*>> ImagesOf(const Reconstruction& model,
+                                                       const BundleSelection& selection) {
+  std::vector<size_t> positions;
+  positions.reserve(selection.frames.size());
+  for (const auto& frame : selection.frames) {
+    ForEachImage(model, frame.id, [&](image_t image_id, const Image&) {
+      positions.push_back(model.images.IndexOf(image_id));
+    });
+  }
+  std::sort(positions.begin(), positions.end());
+  std::vector<std::pair<image_t, const Image*>> images;
+  images.reserve(positions.size());
+  for (const size_t position : positions) {
+    const auto& [image_id, image] = *(model.images.begin() + position);
+    images.emplace_back(image_id, &image);
+  }
+  return images;
+}
+
+}  // namespace holba

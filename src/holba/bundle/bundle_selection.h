@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Which part of a model takes part in an adjustment, and what of it is held. Chosen once and passed
+// to everything that builds a problem: all rounds of an adjustment have the same part and gauge.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "holba/bundle/gauge.h"
+#include "holba/scene/reconstruction.h"
+
+namespace holba {
+
+struct BundleOptions;
+class StructureIndex;
+
+template <typename Id>
+struct Selected {
+  Id id;
+  bool constant = false;
+};
+
+// A group with those of its members that take part.
+struct SelectedGroup {
+  group3D_t id = kNoId;
+  bool constant = false;
+  std::vector<point3D_t> point3D_ids;
+  std::vector<line3D_t> line3D_ids;
+};
+
+struct AroundOptions {
+  // Frames that see a selected point or line from outside of the list take part, held.
+  bool surroundings = true;
+  // Intrinsics stay: other images have them, too.
+  bool hold_cameras = true;
+};
+
+// Observations in images of frames that are not named take no part; members, incidences and
+// relations neither, unless both of their ends are named. The order of points, lines, groups,
+// incidences and relations is that of blocks and residuals; poses and intrinsics follow the order
+// of the model's images.
+struct BundleSelection {
+  std::vector<Selected<frame_t>> frames;    // with all their images
+  std::vector<Selected<camera_t>> cameras;  // those of the images that are not here are held
+  std::vector<Selected<point3D_t>> points;
+  std::vector<Selected<line3D_t>> lines;
+  std::vector<SelectedGroup> groups;
+  std::vector<WireframeEdge> wireframe;
+  std::vector<Relation> relations;
+  FixedGauge gauge;
+
+  // The whole model, with what the options hold. The model must be consistent.
+  static BundleSelection Everything(const Reconstruction& model, const BundleOptions& options);
+
+  // The frames of a list of images with the points and lines that they see, where at least two
+  // images of the selection see these (fewer say nothing about the cameras), their groups,
+  // incidences and relations. A group is variable only if all of its members are selected. Costs
+  // what the part costs; without an index of the structure (null), one is made in a pass over the
+  // groups, incidences and relations of the model. Elements stand in the order of the model.
+  static BundleSelection Around(const Reconstruction& model, const BundleOptions& options,
+                                std::span<const image_t> image_ids, const AroundOptions& around,
+                                const StructureIndex* structure = nullptr);
+
+  // Poses and intrinsics stay as they are; nothing else has to fix the gauge.
+  void HoldCameras();
+  void HoldPoints();
+  void HoldLines();
+  bool HasVariableFrame() const;
+};
+
+// Without the points that were made from structure: what points alone say.
+BundleSelection WithoutPointsOfStructure(const BundleOptions& options, BundleSelection selection);
+
+// Images of the frames of a selection, in the order of the model.
+std::vector<std::pair<image_t, const Image*>> ImagesOf(const Reconstruction& model,
+                                                       const BundleSelection& selection);
+
+}  // namespace holba
