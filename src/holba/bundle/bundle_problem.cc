@@ -87,7 +87,7 @@ class Builder {
         const Eigen::Quaterniond q = frame.rig_from_world.rotation.normalized();
         const Eigen::Vector3d& t = frame.rig_from_world.translation;
         const double values[7] = {q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()};
-        pose->second = problem_.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values);
+        pose->second = problem_.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, values);
         problem_.block(pose->second).constant = options_.fix_poses;
         out_.poses.emplace_back(image.frame_id, pose->second);
       }
@@ -95,7 +95,7 @@ class Builder {
       const auto [intrinsics, new_camera] = camera_blocks.try_emplace(image.camera_id, 0);
       if (new_camera) {
         intrinsics->second = problem_.AddBlock("camera", EuclideanOps(camera.model->num_params),
-                                               BlockRole::kKept, camera.params);
+                                               BlockRole::kIntrinsics, camera.params);
         HoldIntrinsics(*camera.model, &problem_.block(intrinsics->second));
         out_.cameras.emplace_back(image.camera_id, intrinsics->second);
       }
@@ -222,7 +222,7 @@ class Builder {
       double values[6];
       Eigen::Map<Eigen::Vector3d>{values} = line.line.direction.normalized();
       Eigen::Map<Eigen::Vector3d>{values + 3} = anchor;
-      const BlockRole role = in_wireframe.contains(id) ? BlockRole::kKept : BlockRole::kFeature;
+      const BlockRole role = in_wireframe.contains(id) ? BlockRole::kGroup : BlockRole::kFeature;
       const BlockId block = problem_.AddBlock("line", OpsOf<LineManifold>(), role, values);
       problem_.block(block).constant = options_.fix_lines || !SeenInTwoImages(line.track);
       lines_[id] = block;
@@ -245,7 +245,7 @@ class Builder {
       HOLBA_CHECK_MSG(group.type->from_file(group.params.data(), values),
                       "invalid group " + std::to_string(id));
       const BlockId block =
-          problem_.AddBlock(group.type->name, *group.type->manifold, BlockRole::kKept,
+          problem_.AddBlock(group.type->name, *group.type->manifold, BlockRole::kGroup,
                             {values, static_cast<size_t>(group.type->manifold->ambient)});
       problem_.block(block).constant = options_.fix_groups;
       groups_[id] = block;
