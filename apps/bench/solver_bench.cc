@@ -32,7 +32,7 @@ void Describe(const SolverProblem& problem, SolverBenchProblemResult* result) {
   result->num_images = problem.start.images.size();
   for (BlockId id = 0; id < bundle.problem.num_blocks(); ++id) {
     const ParameterBlock& block = bundle.problem.block(id);
-    result->num_features += block.role == BlockRole::kFeature && block.FreeTangent() > 0;
+    result->num_features += !IsKept(block.role) && block.IsVariable();
   }
   result->num_residuals = bundle.problem.num_residuals();
   const ReducedSystem system = AnalyseReducedSystem(bundle.problem);

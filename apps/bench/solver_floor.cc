@@ -27,7 +27,7 @@ class NodeGraph {
   explicit NodeGraph(const Problem& problem) : index_(problem.num_blocks(), kNone) {
     for (BlockId id = 0; id < problem.num_blocks(); ++id) {
       const ParameterBlock& block = problem.block(id);
-      if (block.role != BlockRole::kKept || block.FreeTangent() == 0) continue;
+      if (!IsKept(block.role) || !block.IsVariable()) continue;
       index_[id] = static_cast<uint32_t>(widths_.size());
       widths_.push_back(block.FreeTangent());
     }
@@ -186,7 +186,7 @@ IterationFlops CountIterationFlops(const Problem& problem) {
         const ParameterBlock& block = problem.block(id);
         const int free = block.FreeTangent();
         if (free == 0) continue;
-        if (block.role == BlockRole::kFeature) {
+        if (!IsKept(block.role)) {
           f = free;
           feature = id;
         } else {

@@ -21,7 +21,7 @@ Problem PosesAndPoints(int num_poses, const std::vector<std::vector<int>>& track
   const double pose[7] = {0, 0, 0, 1, 0, 0, 0}, point[3] = {0, 0, 1};
   std::vector<BlockId> poses;
   for (int i = 0; i < num_poses; ++i) {
-    poses.push_back(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, pose));
+    poses.push_back(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, pose));
   }
   auto batch =
       std::make_unique<KernelBatch<NoKernel>>("point", 2, std::vector<int>{3, 6}, NoKernel{});

@@ -20,7 +20,7 @@ void ProblemBuilder::AddPosesAndCameras() {
       const Eigen::Vector3d& t = frame.rig_from_world.translation;
       const double values[7] = {q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()};
       const BlockId block =
-          problem_.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values);
+          problem_.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, values);
       problem_.block(block).constant =
           selection_.frames[frame_idx.Find(image->frame_id)].constant;
       out_.poses.emplace_back(image->frame_id, block);
@@ -29,7 +29,7 @@ void ProblemBuilder::AddPosesAndCameras() {
     const auto [intrinsics, new_camera] = intrinsics_idx.Add(image->camera_id);
     if (new_camera) {
       const BlockId block = problem_.AddBlock("camera", EuclideanOps(camera.model->num_params),
-                                              BlockRole::kKept, camera.params);
+                                              BlockRole::kIntrinsics, camera.params);
       const uint32_t idx = camera_idx.Find(image->camera_id);
       HoldIntrinsics(*camera.model, idx == FlatIndex::kNone || selection_.cameras[idx].constant,
                      &problem_.block(block));

@@ -85,7 +85,7 @@ void ProblemBuilder::AddLines() {
     Eigen::Map<Eigen::Vector3d>{values} = line.line.direction.normalized();
     Eigen::Map<Eigen::Vector3d>{values + 3} = anchor;
     const BlockRole role =
-        in_wireframe.contains(selected.id) ? BlockRole::kKept : BlockRole::kFeature;
+        in_wireframe.contains(selected.id) ? BlockRole::kGroup : BlockRole::kFeature;
     const BlockId block = problem_.AddBlock("line", OpsOf<LineManifold>(), role, values);
     problem_.block(block).constant = selected.constant || !SeenInTwoImages(line.track);
     line_idx_.Add(selected.id);

@@ -22,7 +22,7 @@ void ProblemBuilder::AddGroups() {
     HOLBA_CHECK_MSG(group.type->from_file(group.params.data(), values),
                     "invalid group " + std::to_string(selected.id));
     const BlockId block =
-        problem_.AddBlock(group.type->name, *group.type->manifold, BlockRole::kKept,
+        problem_.AddBlock(group.type->name, *group.type->manifold, BlockRole::kGroup,
                           {values, static_cast<size_t>(group.type->manifold->ambient)});
     problem_.block(block).constant = selected.constant;
     group_idx_.Add(selected.id);

@@ -224,7 +224,7 @@ TEST(StructureForms, OfTheWireframeIn3dKeepItsLines) {
   const BundleProblem bundle = BuildProblem(scene.model(), options);
   std::set<line3D_t> kept;
   for (const auto& [id, block] : bundle.lines) {
-    if (bundle.problem.block(block).role == BlockRole::kKept) kept.insert(id);
+    if (IsKept(bundle.problem.block(block).role)) kept.insert(id);
   }
   EXPECT_THAT(kept, UnorderedElementsAre(scene.lines[0], scene.lines[1], scene.lines[2]));
   EXPECT_GT(AnalyseReducedSystem(bundle.problem).size,

@@ -43,7 +43,7 @@ void Problem::AddBatch(std::unique_ptr<ResidualBatch> batch) {
       const ParameterBlock& b = blocks_[batch->block(i, s)];
       HOLBA_CHECK_MSG(b.manifold->tangent == batch->tangent(s),
                       fmt::format("term {}, slot {}: a {} does not fit", batch->term(), s, b.kind));
-      if (b.role != BlockRole::kFeature) continue;
+      if (IsKept(b.role)) continue;
       HOLBA_CHECK_MSG(
           first_feature.empty(),
           fmt::format("residual {} of term '{}' holds two features, a {} and a {}: the feature "
@@ -118,7 +118,7 @@ PairPattern CoupleKeptBlocks(const Problem& problem, const std::vector<uint32_t>
         const BlockId id = batch->block(i, s);
         if (kept_index[id] != kNone) members.push_back(kept_index[id]);
         const ParameterBlock& b = problem.block(id);
-        if (b.role == BlockRole::kFeature && b.FreeTangent() > 0) feature = id;
+        if (!IsKept(b.role) && b.IsVariable()) feature = id;
       }
       if (feature == kNone) {
         pattern.Couple(members);
@@ -180,7 +180,7 @@ size_t NumKeptUnknowns(const Problem& problem) {
   size_t size = 0;
   for (BlockId id = 0; id < problem.num_blocks(); ++id) {
     const ParameterBlock& block = problem.block(id);
-    if (block.role == BlockRole::kKept) size += block.FreeTangent();
+    if (IsKept(block.role)) size += block.FreeTangent();
   }
   return size;
 }
@@ -192,7 +192,7 @@ ReducedSystem AnalyseReducedSystem(const Problem& problem) {
   std::vector<BlockId> kept;
   for (BlockId id = 0; id < problem.num_blocks(); ++id) {
     const ParameterBlock& b = problem.block(id);
-    if (b.role != BlockRole::kKept || b.FreeTangent() == 0) continue;
+    if (!IsKept(b.role) || !b.IsVariable()) continue;
     kept_index[id] = static_cast<uint32_t>(kept.size());
     kept.push_back(id);
     system.size += b.FreeTangent();
@@ -205,13 +205,13 @@ ReducedSystem AnalyseReducedSystem(const Problem& problem) {
   for (size_t a = 0; a < kept.size(); ++a) {
     const ParameterBlock& block_a = problem.block(kept[a]);
     entries += static_cast<double>(block_a.FreeTangent()) * block_a.FreeTangent();
-    const bool pose_a = block_a.kind == "pose";
+    const bool pose_a = block_a.role == BlockRole::kPose;
     poses += pose_a;
     for (size_t b = 0; b < a; ++b) {
       if (!pattern.At(a, b)) continue;
       const ParameterBlock& block_b = problem.block(kept[b]);
       entries += 2.0 * block_a.FreeTangent() * block_b.FreeTangent();
-      if (pose_a && block_b.kind == "pose") {
+      if (pose_a && block_b.role == BlockRole::kPose) {
         ++pairs;
         bare_pairs += bare.At(a, b);
       }

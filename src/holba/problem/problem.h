@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A nonlinear least-squares problem: cost = 1/2 sum weight * rho(|r|^2) over batches of residuals
-// of parameter blocks. Features are eliminated by the Schur complement, the other blocks are kept:
-// so no residual may hold two features. Knows no vision; every solver consumes this and nothing
-// else.
+// A nonlinear least-squares problem: cost = 1/2 sum weight * rho(|r|^2) over batches of residuals,
+// which are functions of parameter blocks. The solvers eliminate the features by the Schur
+// complement and keep the other blocks, so a residual may hold one feature at most. The problem is
+// all that a solver sees of a scene.
 #pragma once
 
 #include <cstdint>
@@ -17,22 +17,31 @@
 
 namespace holba {
 
-enum class BlockRole : uint8_t { kFeature, kKept };
+// What a block is to the solvers. A feature is eliminated; every other block is kept in the reduced
+// system, whose layout tells poses, intrinsics and the rest apart.
+enum class BlockRole : uint8_t {
+  kFeature,     // a point, a line: few residuals, independent of all other features
+  kPose,        // of a frame; poses come first in the reduced system
+  kIntrinsics,  // of a camera; shares the place of its pose where each pose has its own
+  kGroup,       // any other kept block: a group, or a line or point that is not eliminated
+};
+constexpr bool IsKept(BlockRole role) { return role != BlockRole::kFeature; }
 
 struct ParameterBlock {
-  std::string_view kind;  // "pose", "point", ...: for messages; a string literal
+  std::string_view kind;  // "pose", "point", ...: for messages only
   const ManifoldOps* manifold = nullptr;
-  BlockRole role = BlockRole::kKept;
+  BlockRole role = BlockRole::kGroup;
   bool constant = false;
-  uint32_t held = 0;  // bit i: tangent coordinate i stays as it is
+  uint32_t held = 0;  // bit i: tangent coordinate i is held at its value
 
-  uint32_t FreeMask() const;  // bit i: tangent coordinate i moves
-  int FreeTangent() const;    // how many of them
+  uint32_t FreeMask() const;  // bit i: tangent coordinate i is variable
+  int FreeTangent() const;    // number of variable tangent coordinates
+  bool IsVariable() const { return FreeMask() != 0; }
 };
 
 class Problem {
  public:
-  // `kind` must outlive the problem (a literal).
+  // `kind` must outlive the problem: a string literal, or the name of a group type.
   BlockId AddBlock(std::string_view kind, const ManifoldOps& manifold, BlockRole role,
                    std::span<const double> values);
   // Refuses (CheckError, naming term and blocks) a batch with a residual of two variable features,

@@ -93,7 +93,7 @@ std::string CheckErrorOf(const Function& function) {
 
 TEST(AddBatch, RefusesAResidualOfTwoFeaturesByName) {
   Problem problem;
-  const BlockId pose = AddScalars(&problem, "pose", BlockRole::kKept, {0, 0});
+  const BlockId pose = AddScalars(&problem, "pose", BlockRole::kPose, {0, 0});
   const BlockId point = AddScalars(&problem, "point", BlockRole::kFeature, {0, 0});
   const BlockId line = AddScalars(&problem, "line", BlockRole::kFeature, {0, 0});
   auto batch = SumBatch("wireframe_3d", {2, 2, 2});
@@ -108,7 +108,7 @@ TEST(AddBatch, RefusesAResidualOfTwoFeaturesByName) {
 TEST(AddBatch, TakesTwoFeaturesWhereOneOfThemIsKept) {
   Problem problem;
   const BlockId point = AddScalars(&problem, "point", BlockRole::kFeature, {0, 0});
-  const BlockId line = AddScalars(&problem, "line", BlockRole::kKept, {0, 0});
+  const BlockId line = AddScalars(&problem, "line", BlockRole::kGroup, {0, 0});
   auto batch = SumBatch("wireframe_3d", {2, 2});
   batch->Add(std::array{point, line}, 0.0);
   problem.AddBatch(std::move(batch));
@@ -136,7 +136,7 @@ TEST(AddBlock, RefusesValuesThatAreNotOfItsManifold) {
   Problem problem;
   const double values[6] = {};
   EXPECT_THAT(CheckErrorOf([&] {
-                problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values);
+                problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, values);
               }),
               HasSubstr("pose"));
   EXPECT_EQ(problem.num_blocks(), 0u);
@@ -146,7 +146,7 @@ TEST(ParameterBlock, CountsTheTangentCoordinatesThatMove) {
   Problem problem;
   const double values[7] = {0, 0, 0, 1, 0, 0, 0};
   ParameterBlock& block =
-      problem.block(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values));
+      problem.block(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, values));
   EXPECT_EQ(block.FreeTangent(), 6);
   block.held = 0b101000;
   EXPECT_EQ(block.FreeTangent(), 4);
@@ -156,7 +156,7 @@ TEST(ParameterBlock, CountsTheTangentCoordinatesThatMove) {
 
 TEST(EvaluateTerms, SumsBatchesOfATermAndCountsAbsentResiduals) {
   Problem problem;
-  const BlockId x = AddScalars(&problem, "x", BlockRole::kKept, {10.0});
+  const BlockId x = AddScalars(&problem, "x", BlockRole::kGroup, {10.0});
   auto a = SumBatch("point", {1});
   for (const double datum : {8.0, 7.0, -1.0}) a->Add(std::array{x}, datum);  // 2, 3, absent
   a->weight = 5.0;
@@ -196,7 +196,7 @@ TEST(ResidualNorms, AreOfResidualsOrOfTheirComponents) {
   Problem problem;
   const double pose_values[7] = {0, 0, 0, 1, 0, 0, 0};
   const BlockId pose =
-      problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, pose_values);
+      problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, pose_values);
   const BlockId point = AddScalars(&problem, "point", BlockRole::kFeature, {3.0, -4.0, 0.0});
   auto batch =
       std::make_unique<KernelBatch<MixedKernel>>("point", 2, std::vector<int>{6, 3}, MixedKernel{});
@@ -216,7 +216,7 @@ struct MixedProblem {
       const Eigen::Quaterniond q = ExpRotation({random.Normal(), random.Normal(), random.Normal()});
       const double values[7] = {q.x(),           q.y(),           q.z(),          q.w(),
                                 random.Normal(), random.Normal(), random.Normal()};
-      poses.push_back(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values));
+      poses.push_back(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, values));
     }
     for (int i = 0; i < 11; ++i) {
       points.push_back(
@@ -319,7 +319,7 @@ struct StructureProblem {
 
   StructureProblem(int num_poses, int num_points) {
     for (int i = 0; i < num_poses; ++i)
-      poses.push_back(AddScalars(&problem, "pose", BlockRole::kKept, std::vector<double>(6)));
+      poses.push_back(AddScalars(&problem, "pose", BlockRole::kPose, std::vector<double>(6)));
     for (int i = 0; i < num_points; ++i)
       points.push_back(AddScalars(&problem, "point", BlockRole::kFeature, {0, 0, 0}));
   }
@@ -378,8 +378,8 @@ TEST(ReducedSystem, TellsWhatTheWireframeAdds) {
 
 TEST(ReducedSystem, HoldsGroupsAndWhatResidualsCoupleDirectly) {
   StructureProblem p(2, 2);
-  const BlockId a = AddScalars(&p.problem, "group", BlockRole::kKept, {0, 0, 0});
-  const BlockId b = AddScalars(&p.problem, "group", BlockRole::kKept, {0, 0, 0});
+  const BlockId a = AddScalars(&p.problem, "group", BlockRole::kGroup, {0, 0, 0});
+  const BlockId b = AddScalars(&p.problem, "group", BlockRole::kGroup, {0, 0, 0});
   p.See(0, 0), p.See(1, 1);
   p.Couple("group_point", {p.points[0], p.poses[0], a});
   p.Couple("relation", {a, b});

@@ -6,12 +6,11 @@
 
 #include "holba/base/threads.h"
 #include "holba/linear/reduced_solver.h"
-#include "holba/solver/native/native_backend.h"
-#include "holba/solver/native/normal_equations.h"
+#include "holba/solver/native/native_workspace.h"
 
 namespace holba {
 
-using native::kNone;
+using native::kNoFeature, native::kNoNode;
 
 struct Covariance::Data {
   const Problem* problem = nullptr;
@@ -66,7 +65,7 @@ std::optional<Covariance> Covariance::Compute(const Problem& problem, int num_th
     ClearPadding(&data->Z);
   }
   equations.FeatureCovariances(data->Z, &data->begin, &data->features);
-  data->feature_of_block.assign(problem.num_blocks(), kNone);
+  data->feature_of_block.assign(problem.num_blocks(), kNoFeature);
   for (uint32_t f = 0; f < structure.features.size(); ++f)
     data->feature_of_block[structure.features[f]] = f;
   return Covariance(std::move(data));
@@ -77,7 +76,7 @@ Eigen::MatrixXd Covariance::Of(BlockId id) const {
   const int n = block.manifold->tangent;
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
   const uint32_t feature = data_->feature_of_block[id];
-  if (feature != kNone) {
+  if (feature != kNoFeature) {
     const double* from = data_->features.data() + data_->begin[feature];
     for (int r = 0; r < n; ++r) {
       for (int c = 0; c < n; ++c) out(r, c) = from[r * n + c];
@@ -95,7 +94,7 @@ Eigen::MatrixXd Covariance::Of(BlockId id) const {
 
 std::optional<Eigen::MatrixXd> Covariance::Between(BlockId a, BlockId b) const {
   const native::KeptBlock place_a = data_->kept[a], place_b = data_->kept[b];
-  if (place_a.node == kNone || place_b.node == kNone) return std::nullopt;
+  if (place_a.node == kNoNode || place_b.node == kNoNode) return std::nullopt;
   const bool swap = place_a.node < place_b.node;
   const auto& rows = swap ? place_b : place_a;
   const auto& cols = swap ? place_a : place_b;

@@ -19,8 +19,8 @@ class Covariance {
  public:
   // From the factor of the reduced system: its inverse on its own blocks, and from those the
   // features' covariances, in the time of two to four iterations where the reduced system is small
-  // or sparse. Empty: it is singular (a gauge that is not fixed, a kept block that nothing observes).
-  // `workspace`: that of the problem's Solve saves the analysis.
+  // or sparse. Empty: it is singular (a gauge that is not fixed, a kept block that nothing
+  // observes). `workspace`: that of the problem's Solve saves the analysis.
   static std::optional<Covariance> Compute(const Problem& problem, int num_threads,
                                            SolverWorkspace* workspace = nullptr);
 

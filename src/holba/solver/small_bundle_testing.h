@@ -28,7 +28,7 @@ struct SmallBundle {
     Random random(11);
     const CameraModel& model = *FindCameraModel("PINHOLE");
     const std::vector<double> params{700, 720, 500, 480};
-    camera = problem.AddBlock("camera", EuclideanOps(4), BlockRole::kKept, params);
+    camera = problem.AddBlock("camera", EuclideanOps(4), BlockRole::kIntrinsics, params);
     problem.block(camera).held = 0b1100;
     problem.block(camera).constant = !refine_focal_length;
     for (int i = 0; i < num_poses; ++i) {
@@ -36,7 +36,7 @@ struct SmallBundle {
       const Eigen::Quaterniond q(
           Eigen::AngleAxisd(angle, Eigen::Vector3d(0.1, 1, 0.05).normalized()));
       const double values[7] = {q.x(), q.y(), q.z(), q.w(), 0.1 * i, 0.05 * i * i, 9.0 + 0.2 * i};
-      poses.push_back(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values));
+      poses.push_back(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, values));
     }
     problem.block(poses[0]).constant = true;
     problem.block(poses.back()).held = 1u << 3;
@@ -65,7 +65,9 @@ struct SmallBundle {
     for (BlockId id = 0; id < problem.num_blocks(); ++id) {
       const ParameterBlock& block = problem.block(id);
       if (block.FreeTangent() == 0) continue;
-      const double sigma = block.kind == "pose" ? 0.03 : block.kind == "point" ? 0.1 : 10.0;
+      const double sigma = block.role == BlockRole::kPose      ? 0.03
+                           : block.role == BlockRole::kFeature ? 0.1
+                                                               : 10.0;
       std::vector<double> delta(block.manifold->tangent), moved(block.manifold->ambient);
       for (int i = 0; i < block.manifold->tangent; ++i)
         delta[i] = block.held >> i & 1 ? 0.0 : random.Normal(sigma);

@@ -279,7 +279,7 @@ constexpr double kAlways = -std::numeric_limits<double>::infinity();
 struct ScalarProblem {
   Problem problem;
   explicit ScalarProblem(double x) {
-    problem.AddBlock("x", EuclideanOps(1), BlockRole::kKept, {&x, 1});
+    problem.AddBlock("x", EuclideanOps(1), BlockRole::kGroup, {&x, 1});
   }
   void Add(const std::string& term, const ScalarKernel::Datum& datum, bool angular = false,
            double weight = 1.0) {
@@ -379,9 +379,10 @@ TEST_P(AbsentResiduals, OfAPointBehindACameraKeepTheLastPixels) {
   const CameraModel& model = *FindCameraModel("SIMPLE_PINHOLE");
   Problem problem;
   const double params[3] = {500, 320, 240}, pose[7] = {0, 0, 0, 1, 0, 0, 0}, X[3] = {0.4, 0.0, 1.0};
-  const BlockId camera = problem.AddBlock("camera", EuclideanOps(3), BlockRole::kKept, params);
+  const BlockId camera =
+      problem.AddBlock("camera", EuclideanOps(3), BlockRole::kIntrinsics, params);
   const BlockId pose_block =
-      problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, pose);
+      problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, pose);
   const BlockId point = problem.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature, X);
   problem.block(camera).constant = problem.block(pose_block).constant = true;
   auto seen = std::make_unique<KernelBatch<PointResidual>>("point", 2, std::vector<int>{3, 6, 3},
@@ -508,7 +509,7 @@ TEST_P(StopReasonOf, IsNoStepWhereNoneCanBeComputedAndTheBestStateIsKept) {
   for (const double broken_below : {10.0, 1.0}) {  // at once, and after some steps
     Problem problem;
     const double x = 3.0;
-    const BlockId block = problem.AddBlock("x", EuclideanOps(1), BlockRole::kKept, {&x, 1});
+    const BlockId block = problem.AddBlock("x", EuclideanOps(1), BlockRole::kGroup, {&x, 1});
     auto batch = std::make_unique<KernelBatch<BrokenKernel>>("broken", 1, std::vector<int>{1},
                                                              BrokenKernel{});
     batch->Add(std::array{block}, {broken_below});
@@ -533,8 +534,8 @@ TEST_P(FunctionTolerance, IgnoresAngularTermsUnlessToldOtherwise) {
   const auto solve = [](bool counts_angular, bool angular) {
     Problem problem;
     const double at[2] = {1.0, 4.0};
-    const BlockId pixel = problem.AddBlock("x", EuclideanOps(1), BlockRole::kKept, {at, 1});
-    const BlockId angle = problem.AddBlock("y", EuclideanOps(1), BlockRole::kKept, {at + 1, 1});
+    const BlockId pixel = problem.AddBlock("x", EuclideanOps(1), BlockRole::kGroup, {at, 1});
+    const BlockId angle = problem.AddBlock("y", EuclideanOps(1), BlockRole::kGroup, {at + 1, 1});
     for (const BlockId block : {pixel, angle}) {
       auto batch = std::make_unique<KernelBatch<ScalarKernel>>(block == pixel ? "point" : "vp", 1,
                                                                std::vector<int>{1}, ScalarKernel{});

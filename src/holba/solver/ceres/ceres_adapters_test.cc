@@ -160,7 +160,7 @@ struct AnchorProblem {
   explicit AnchorProblem(Random* random) {
     std::vector<double> values = RandomPose(random);
     values[6] = 2.0;
-    pose = problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values);
+    pose = problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, values);
     line = problem.AddBlock("line", OpsOf<LineManifold>(), BlockRole::kFeature, RandomLine(random));
     auto batch = std::make_unique<KernelBatch<AnchorKernel>>("anchor", 3, std::vector<int>{6, 4},
                                                              AnchorKernel{});

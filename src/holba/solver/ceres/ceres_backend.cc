@@ -74,7 +74,7 @@ void Fill(Problem& problem, CeresProblem* out, ceres::ParameterBlockOrdering* or
     const ManifoldOps& ops = *block.manifold;
     double* values = problem.values(id);
     out->problem.AddParameterBlock(values, ops.ambient);
-    if (block.FreeTangent() == 0) {
+    if (!block.IsVariable()) {
       out->problem.SetParameterBlockConstant(values);
       return;
     }
@@ -86,9 +86,9 @@ void Fill(Problem& problem, CeresProblem* out, ceres::ParameterBlockOrdering* or
       }
       out->problem.SetManifold(values, manifold);
     }
-    ordering->AddElementToGroup(values, block.role == BlockRole::kFeature ? 0 : 1);
-    out->num_variable_frames += block.kind == "pose";
-    if (block.role == BlockRole::kKept) out->num_kept_unknowns += block.FreeTangent();
+    ordering->AddElementToGroup(values, IsKept(block.role) ? 1 : 0);
+    out->num_variable_frames += block.role == BlockRole::kPose;
+    if (IsKept(block.role)) out->num_kept_unknowns += block.FreeTangent();
   };
   for (size_t b = 0; b < problem.batches().size(); ++b) {
     const ResidualBatch& batch = *problem.batches()[b];
@@ -100,7 +100,7 @@ void Fill(Problem& problem, CeresProblem* out, ceres::ParameterBlockOrdering* or
     for (size_t i = 0; i < batch.size(); ++i) {
       bool variable = false;
       for (int s = 0; s < batch.num_slots(); ++s) {
-        variable |= problem.block(batch.block(i, s)).FreeTangent() > 0;
+        variable |= problem.block(batch.block(i, s)).IsVariable();
       }
       if (!variable) {
         Remember(batch, i, reader, &out->memories[b]);

@@ -22,14 +22,14 @@ TEST(Covariance, IsThatOfCeres) {
   const CameraModel& model = *FindCameraModel("SIMPLE_RADIAL");
   const std::vector<double> params{700, 500, 480, 0.02};
   const BlockId camera =
-      problem.AddBlock("camera", EuclideanOps(4), BlockRole::kKept, params);
+      problem.AddBlock("camera", EuclideanOps(4), BlockRole::kIntrinsics, params);
   problem.block(camera).held = 0b0110;
   std::vector<BlockId> poses, points;
   for (int i = 0; i < 5; ++i) {
     const Eigen::Quaterniond q(
         Eigen::AngleAxisd(0.25 * i, Eigen::Vector3d(0.1, 1, 0.05).normalized()));
     const double values[7] = {q.x(), q.y(), q.z(), q.w(), 0.1 * i, 0.05 * i * i, 9.0 + 0.2 * i};
-    poses.push_back(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kKept, values));
+    poses.push_back(problem.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, values));
   }
   problem.block(poses[0]).constant = true;
   problem.block(poses[4]).held = 1u << 3;

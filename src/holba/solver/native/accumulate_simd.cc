@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// elimination.h: from evaluated residuals to V, g, U and W.
+// elimination.h: transposing panels into rows, and summing up V, g, U and W.
 #include <utility>
 
 #include "holba/solver/native/elimination_packs.h"
@@ -50,7 +50,7 @@ template <int kDim>
 HOLBA_SIMD_INLINE void AddOuterOfDim(double* block, const double* a, int width_a, const double* b,
                                      int width_b, int row_stride) {
   if (width_a <= 8) {
-    // A pose, a plane, a vanishing point.
+    // Poses, planes and vanishing points.
     if (width_b == 6) return AddNarrowOuterOf<kDim, 6>(block, a, b, row_stride);
     if (width_b == 3) return AddNarrowOuterOf<kDim, 3>(block, a, b, row_stride);
     if (width_b == 2) return AddNarrowOuterOf<kDim, 2>(block, a, b, row_stride);
@@ -65,7 +65,7 @@ HOLBA_SIMD_INLINE void AddOuter(double* block, const double* a, int width_a, con
     AddOuterOfDim<1>(block, a + k * row_stride, width_a, b + k * row_stride, width_b, row_stride);
 }
 
-// g += E^T r, diagonal of U, and the diagonal block of U, of one segment of one residual.
+// Adds one segment of one residual to g, to the diagonal of U and to the diagonal block of U.
 template <int kPacks>
 HOLBA_SIMD_INLINE void AddOwn(const double* row, int dim, int row_stride, const double* e,
                               int width, double* block, double* gradient, double* diagonal) {
@@ -89,7 +89,7 @@ HOLBA_SIMD_INLINE void AddOwn(const double* row, int dim, int row_stride, const 
   AddOuter(block, e, width, e, width, dim, row_stride);
 }
 
-// W(:, i) += E^T F(:, i); the first touch sets it.
+// W(:, i) += E^T F(:, i), or = at the first touch.
 template <int kPacks, int kTangent>
 HOLBA_SIMD_INLINE void AddW(const double* row, int dim, int row_stride, const double* e, bool first,
                             double* W) {
@@ -115,7 +115,8 @@ HOLBA_SIMD_INLINE void AddW(const double* row, int dim, int row_stride, const do
   }
 }
 
-// Block of nodes a >= b, at positions p and q of the clique; null: not kept.
+// Block of the nodes a >= b, which have the positions p and q in the clique; null: the form leaves
+// it out.
 HOLBA_SIMD_INLINE double* PairBlock(const Sums& sums, const ChunkFeatures& chunk, uint32_t clique,
                                     double* blocks, uint32_t p, uint32_t q, uint32_t a,
                                     uint32_t b) {
@@ -127,8 +128,7 @@ HOLBA_SIMD_INLINE double* PairBlock(const Sums& sums, const ChunkFeatures& chunk
   return offset == kNoBlock ? nullptr : blocks + size_t{offset} * kFeatureRow;
 }
 
-// Accumulate for residuals of one segment, whose size and dimension are constants: points and lines
-// seen by cameras, most of all residuals.
+// Accumulate for residuals of one segment whose sizes are constants.
 template <int kTangent, int kDim, int kWidth>
 void AccumulateAlone(const Panel& panel, const double* rows, const ChunkFeatures& chunk,
                      const Sums& sums) {
@@ -158,6 +158,7 @@ void AccumulateAlone(const Panel& panel, const double* rows, const ChunkFeatures
       const uint32_t node = nodes[position];
       const double* e = row + kFeatureRow;
       AddW<kPacks, kTangent>(row, kDim, kRowStride, e, first, chunk.W + w_offset[position]);
+      if (sums.U == nullptr) continue;
       double* block = sums.U + size_t{sums.diagonal_offset[node]} * kFeatureRow;
       double* gradient = sums.gradient + sums.padded_offset[node];
       double* diagonal = sums.diagonal + sums.padded_offset[node];
@@ -249,11 +250,13 @@ void AccumulateOf(const Panel& panel, const double* rows, const ChunkFeatures& c
         const bool first = (positions[s] & kFirstTouch) != 0;
         const uint32_t node = nodes[position];
         double* W = chunk.W + chunk.w_offset[chunk.first_position[f] + position];
+        HOLBA_WITH_PACKS(segment.padded,
+                         (AddW<kPacks, kTangent>(row, dim, row_stride, e, first, W)));
+        if (sums.U == nullptr) continue;
         double* block = sums.U + size_t{sums.diagonal_offset[node]} * kFeatureRow;
         double* gradient = sums.gradient + sums.padded_offset[node];
         double* diagonal = sums.diagonal + sums.padded_offset[node];
-        HOLBA_WITH_PACKS(segment.padded, (AddW<kPacks, kTangent>(row, dim, row_stride, e, first, W),
-                                          AddOwn<kPacks>(row, dim, row_stride, e, segment.width,
+        HOLBA_WITH_PACKS(segment.padded, (AddOwn<kPacks>(row, dim, row_stride, e, segment.width,
                                                          block, gradient, diagonal)));
         const double* other = row + kFeatureRow;
         for (int t = 0; t < s; other += panel.segments[t].padded, ++t) {
@@ -373,7 +376,7 @@ void AccumulateLoose(const Panel& panel, const double* rows, const uint32_t* cro
     for (int s = 0; s < n; e += panel.segments[s].padded, ++s) {
       const PanelSegment& segment = panel.segments[s];
       const uint32_t node = nodes[s];
-      if (node != kNoBlock) {
+      if (node != kNoNode) {
         HOLBA_WITH_PACKS(segment.padded,
                          (AddOwn<kPacks>(row, dim, row_stride, e, segment.width,
                                          sums.U + size_t{sums.diagonal_offset[node]} * kFeatureRow,

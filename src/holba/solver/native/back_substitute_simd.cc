@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// elimination.h: from the kept unknowns to the features: steps, products with S, covariances.
+// elimination.h: back-substitution, products with S, and covariances of the features.
 #include "holba/solver/native/elimination_packs.h"
 
 namespace holba::native::HOLBA_SIMD_TARGET {
@@ -83,7 +83,7 @@ void MultiplyStoredOf(const ChunkFeatures& chunk, const Sums& sums, const float*
   }
 }
 
-// sum += T_p^T Z T_q, entry (j, i) in its own pack.
+// sum += T_p^T Z T_q; each entry (j, i) has a pack of partial sums.
 template <int kPacks, int kTangent>
 HOLBA_SIMD_INLINE void AddQuadratic(const double* Z, const double* Tp, const double* Tq,
                                     int width_q, int padded_q, Pack (&sum)[kTangent][kTangent]) {
@@ -110,7 +110,7 @@ void FeatureCovariancesOf(const ChunkFeatures& chunk, const Sums& sums, const do
     const uint32_t size = chunk.clique_begin[clique + 1] - chunk.clique_begin[clique];
     const uint32_t* w_offset = chunk.w_offset + chunk.first_position[f];
     const size_t* offset = z_offset + z_begin[f];
-    // Lane by lane; added up across lanes at the end.
+    // One sum per lane; the lanes are added up at the end.
     Pack off_diagonal[kTangent][kTangent], diagonal[kTangent][kTangent];
     for (int j = 0; j < kTangent; ++j) {
       for (int i = 0; i < kTangent; ++i) off_diagonal[j][i] = diagonal[j][i] = Broadcast(0.0);

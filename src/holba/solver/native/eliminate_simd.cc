@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// elimination.h: the factors of the features, and their shares of the reduced system.
+// elimination.h: factorising V, forming T, and subtracting T T^T from S.
 #include <utility>
 
 #include "holba/solver/native/elimination_packs.h"
@@ -32,7 +32,7 @@ ChunkSums FactoriseOf(const ChunkFeatures& chunk, double inverse_radius) {
       const Pack damped = v + (v > floor ? v : floor) * inverse_radius;
       Pack pivot = damped;
       for (int k = 0; k < a; ++k) pivot -= L[a][k] * L[a][k];
-      // A direction that nothing fixes does not move.
+      // A direction that no residual constrains gets a zero step.
       const Pack inv = pivot > 1e-14 * damped ? 1.0 / Sqrt(pivot) : Broadcast(0.0);
       inverse[a][a] = inv;
       for (int b = a + 1; b < kTangent; ++b) {
@@ -88,14 +88,15 @@ HOLBA_SIMD_INLINE void FormTOf(double* W, const double* inverse, const double* y
   }
 }
 
-// Consecutive features with the same clique: T of the next one stands `stride` doubles on, in the
-// same order. Their products are summed up in registers and S is touched once.
+// Consecutive features with the same clique. T of the next feature begins `stride` doubles later
+// and has the same order, so the products of all are summed up in registers before S is written
+// once.
 struct FeatureRun {
   size_t count;
   size_t stride;
 };
 
-// A group of 8 rows of a block, columns c < kColumns, -= sum over the run of T_p T_q^T.
+// Subtracts T_p T_q^T, summed over the run, from 8 rows and kColumns columns of a block.
 template <int kTangent, int kColumns>
 HOLBA_SIMD_INLINE void SubtractColumns(double* block, const double* Tp, int padded_p,
                                        const double* Tq, int padded_q, const FeatureRun& run) {
@@ -113,7 +114,7 @@ HOLBA_SIMD_INLINE void SubtractColumns(double* block, const double* Tp, int padd
   }
 }
 
-// S(p, q) -= T_p T_q^T, over the run.
+// S(p, q) -= T_p T_q^T, summed over the run.
 template <int kTangent>
 __attribute__((noinline)) void SubtractPair(double* block, int width_p, const double* Tp,
                                             int width_q, const double* Tq, const FeatureRun& run) {
@@ -147,7 +148,7 @@ __attribute__((noinline)) void SubtractPair(double* block, int width_p, const do
   }
 }
 
-// The same for two nodes of the width that most have, with every stride a constant.
+// The same for two nodes of the width kWidth, so that every stride is a constant.
 template <int kTangent, int kWidth>
 HOLBA_SIMD_INLINE void SubtractSquare(double* block, const double* Tp, const double* Tq,
                                       const FeatureRun& run) {
@@ -184,7 +185,7 @@ HOLBA_SIMD_INLINE void SubtractSquare(double* block, const double* Tp, const dou
   }
 }
 
-// Row p of the clique's blocks: S(p, q) -= T_p T_q^T, q <= p.
+// S(p, q) -= T_p T_q^T for all q <= p of the clique.
 template <int kTangent>
 void SubtractRow(const ChunkFeatures& chunk, const Sums& sums, const uint32_t* nodes, uint32_t p,
                  const uint32_t* offsets, const uint32_t* w_offset, const FeatureRun& run) {
@@ -240,8 +241,9 @@ void EliminateOf(const ChunkFeatures& chunk, const Sums& sums) {
   }
 }
 
-// A diagonal block over a run of features: U += sum E^T E, S -= sum T T^T, which are the same
-// matrix in the explicit form. The rows of E of the next feature stand `e_stride` doubles on.
+// U += E^T E and S -= T T^T, summed over the run, for a diagonal block; U and S are the same matrix
+// in the explicit form (kOneMatrix). The rows of E of the next feature begin `e_stride` doubles
+// later.
 template <int kTangent, int kDim, int kWidth, bool kOneMatrix>
 HOLBA_SIMD_INLINE void AddDiagonalBlock(double* U, double* S, const double* E, size_t e_stride,
                                         const double* T, const FeatureRun& run) {

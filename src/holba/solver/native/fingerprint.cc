@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/solver/native/fingerprint.h"
 
-#include <algorithm>
-#include <cstring>
 #include <span>
-#include <string_view>
 
 namespace holba::native {
 namespace {
@@ -16,14 +13,6 @@ class Mixer {
   void Add(uint64_t word) {
     state_[0] = Fold(state_[0] ^ word, kOdd[0]);
     state_[1] = Fold(state_[1] + word, kOdd[1]);
-  }
-  void Add(std::string_view text) {
-    Add(text.size());
-    for (; !text.empty(); text.remove_prefix(std::min<size_t>(text.size(), 8))) {
-      uint64_t word = 0;
-      std::memcpy(&word, text.data(), std::min<size_t>(text.size(), 8));
-      Add(word);
-    }
   }
   void Add(std::span<const BlockId> ids) {
     Add(ids.size());
@@ -49,12 +38,10 @@ Fingerprint FingerprintOf(const Problem& problem) {
   mixer.Add(problem.num_blocks());
   for (BlockId id = 0; id < problem.num_blocks(); ++id) {
     const ParameterBlock& block = problem.block(id);
-    // Features differ in their manifold and in what is held only.
-    // Manifolds live as long as the program.
+    // Manifolds live as long as the program: their addresses identify them.
     mixer.Add(static_cast<uint64_t>(reinterpret_cast<uintptr_t>(block.manifold)));
-    mixer.Add(uint64_t{block.held} << 8 | uint64_t{block.constant} << 1 |
-              uint64_t{block.role == BlockRole::kFeature});
-    if (block.role == BlockRole::kKept) mixer.Add(block.kind);
+    mixer.Add(uint64_t{block.held} << 16 | uint64_t{block.constant} << 8 |
+              static_cast<uint64_t>(block.role));
   }
   mixer.Add(problem.batches().size());
   for (const auto& batch : problem.batches()) {

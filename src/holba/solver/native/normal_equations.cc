@@ -6,11 +6,11 @@
 #include <cstring>
 #include <limits>
 
-#include "holba/base/threads.h"
 #include "holba/base/timer.h"
 #include "holba/solver/native/normal_equations_data.h"
 
 namespace holba::native {
+
 NormalEquations::NormalEquations() = default;
 NormalEquations::~NormalEquations() = default;
 
@@ -50,88 +50,88 @@ ChunkFeatures NormalEquations::FeaturesOf(const Chunk& chunk, const SliceData& s
   return out;
 }
 
-template <typename Body>
-void NormalEquations::ForEachSlice(const Body& body) {
-  ParallelTasks(num_slices_ > 1 ? num_threads_ : 1, num_slices_, [&](size_t i) {
-    // As many scratches as threads: one is free.
-    for (size_t s = 0;; s = (s + 1) % scratches_.size()) {
-      if (scratches_[s]->busy.exchange(true, std::memory_order_acquire)) continue;
-      body(slices_[i].get(), scratches_[s].get());
-      scratches_[s]->busy.store(false, std::memory_order_release);
-      return;
-    }
-  });
-}
-
-void NormalEquations::LineariseSlice(
-    SliceData* slice, double inverse_radius, Scratch* scratch,
-    const FunctionRef<void(const Chunk&, const ChunkFeatures&, const Sums&)>* visit) {
-  const Sums sums = SumsOf(slice);
+void NormalEquations::ClearSums(SliceData* slice) const {
   std::memset(slice->S, 0, slice->sums_size * sizeof(double));
   if (slice->U != slice->S) std::memset(slice->U, 0, slice->sums_size * sizeof(double));
   for (auto* vector : {&slice->gradient, &slice->diagonal, &slice->reduction})
     std::fill(vector->begin(), vector->end(), 0.0);
   slice->cost.assign(problem_->batches().size(), {});
   slice->max_gradient = slice->evaluation_seconds = 0.0;
-  const Timer slice_timer;
-  const auto rows_from_panel = HOLBA_SIMD_CHOOSE_IN(::holba::native, RowsFromPanel);
-  const double* state = problem_->state().data();
-  scratch->trial = false;
-  for (uint32_t c = slice->chunk_begin; c < slice->chunk_end; ++c) {
-    const Chunk& chunk = structure_.chunks[c];
-    ChunkFeatures features;
-    if (chunk.feature_tangent > 0) {
-      features = FeaturesOf(chunk, *slice, scratch);
-      HOLBA_SIMD_CHOOSE_IN(::holba::native, BeginChunk)(features, sums);
-    }
-    Panel panel;
-    for (uint32_t p = chunk.parts_begin; p < chunk.parts_end; ++p) {
-      const ChunkPart& chunk_part = structure_.chunk_parts[p];
-      const Part& part = structure_.parts[chunk_part.part];
-      scratch->panel_used = scratch->present_used = 0;
-      Evaluated evaluated;
-      const Timer evaluation_timer;
-      Evaluate(chunk_part, state, true, scratch, &evaluated);
-      slice->evaluation_seconds += evaluation_timer.Seconds();
-      TermCost& cost = slice->cost[part.batch_idx];
-      AddTo(&cost, evaluated.count, evaluated.cost);
-      AddRemembered(chunk_part, evaluated, &cost);
-      MakePanel(chunk_part, evaluated, &panel);
-      rows_from_panel(panel, chunk.feature_tangent, scratch->rows.data());
-      if (chunk.plain && visit == nullptr) {
-        HOLBA_SIMD_CHOOSE_IN(::holba::native, AccumulatePlain)
-        (panel, scratch->rows.data(), features);
-      } else if (chunk.feature_tangent > 0) {
-        HOLBA_SIMD_CHOOSE_IN(::holba::native, Accumulate)
-        (panel, scratch->rows.data(), features, sums);
-      } else {
-        const size_t n = part.num_segments;
-        HOLBA_SIMD_CHOOSE_IN(::holba::native, AccumulateLoose)
-        (panel, scratch->rows.data(),
-         cross_[chunk_part.part].data() + chunk_part.begin * (n * (n - 1) / 2), sums);
-      }
-    }
-    if (chunk.feature_tangent > 0) {
-      const ChunkSums figures =
-          HOLBA_SIMD_CHOOSE_IN(::holba::native, FactoriseFeatures)(features, inverse_radius);
-      if (!(figures.max_gradient <= slice->max_gradient))
-        slice->max_gradient = figures.max_gradient;
-      float* const stored = IsImplicit() ? stored_.data() + stored_begin_[c] : nullptr;
-      if (visit != nullptr) {
-        HOLBA_SIMD_CHOOSE_IN(::holba::native, FormT)(features, sums);
-        (*visit)(chunk, features, sums);
-      } else if (chunk.plain) {
-        HOLBA_SIMD_CHOOSE_IN(::holba::native, EliminatePlain)
-        (panel, scratch->rows.data(), features, sums, stored);
-      } else {
-        HOLBA_SIMD_CHOOSE_IN(::holba::native, Eliminate)(features, sums, stored);
-      }
-    }
-  }
-  slice->seconds = slice_timer.Seconds();
 }
 
-// Slices' blocks into S (and U), in the order of the slices.
+// Evaluates the residuals of one part of a chunk at the current state, and leaves their rows in the
+// scratch memory.
+void NormalEquations::MakeRows(const ChunkPart& chunk_part, SliceData* slice, Scratch* scratch,
+                               Panel* panel) const {
+  const Part& part = structure_.parts[chunk_part.part];
+  scratch->panel_used = scratch->present_used = 0;
+  Evaluated evaluated;
+  const Timer timer;
+  Evaluate(chunk_part, problem_->state().data(), true, scratch, &evaluated);
+  slice->evaluation_seconds += timer.Seconds();
+  TermCost& cost = slice->cost[part.batch_idx];
+  AddTo(&cost, evaluated.count, evaluated.cost);
+  AddRemembered(chunk_part, evaluated, &cost);
+  MakePanel(chunk_part, evaluated, panel);
+  HOLBA_SIMD_CHOOSE_IN(::holba::native, RowsFromPanel)
+  (*panel, part.feature_tangent, scratch->rows.data());
+}
+
+void NormalEquations::LineariseFeatures(uint32_t chunk_idx, double inverse_radius, const Sums& sums,
+                                        SliceData* slice, Scratch* scratch) {
+  const Chunk& chunk = structure_.chunks[chunk_idx];
+  const ChunkFeatures features = FeaturesOf(chunk, *slice, scratch);
+  HOLBA_SIMD_CHOOSE_IN(::holba::native, BeginChunk)(features, sums);
+  const double* const rows = scratch->rows.data();
+  Panel panel;
+  for (uint32_t p = chunk.parts_begin; p < chunk.parts_end; ++p) {
+    MakeRows(structure_.chunk_parts[p], slice, scratch, &panel);
+    if (chunk.plain) {
+      HOLBA_SIMD_CHOOSE_IN(::holba::native, AccumulatePlain)(panel, rows, features);
+    } else {
+      HOLBA_SIMD_CHOOSE_IN(::holba::native, Accumulate)(panel, rows, features, sums);
+    }
+  }
+  const ChunkSums chunk_sums =
+      HOLBA_SIMD_CHOOSE_IN(::holba::native, FactoriseFeatures)(features, inverse_radius);
+  // The negation lets a NaN through.
+  if (!(chunk_sums.max_gradient <= slice->max_gradient))
+    slice->max_gradient = chunk_sums.max_gradient;
+  float* const stored = IsImplicit() ? stored_.data() + stored_begin_[chunk_idx] : nullptr;
+  if (chunk.plain) {
+    HOLBA_SIMD_CHOOSE_IN(::holba::native, EliminatePlain)(panel, rows, features, sums, stored);
+  } else {
+    HOLBA_SIMD_CHOOSE_IN(::holba::native, Eliminate)(features, sums, stored);
+  }
+}
+
+void NormalEquations::LineariseLoose(const Chunk& chunk, const Sums& sums, SliceData* slice,
+                                     Scratch* scratch) const {
+  const ChunkPart& chunk_part = structure_.chunk_parts[chunk.parts_begin];
+  const size_t n = structure_.parts[chunk_part.part].num_segments;
+  Panel panel;
+  MakeRows(chunk_part, slice, scratch, &panel);
+  HOLBA_SIMD_CHOOSE_IN(::holba::native, AccumulateLoose)
+  (panel, scratch->rows.data(),
+   cross_[chunk_part.part].data() + chunk_part.begin * (n * (n - 1) / 2), sums);
+}
+
+void NormalEquations::LineariseSlice(SliceData* slice, double inverse_radius, Scratch* scratch) {
+  ClearSums(slice);
+  const Timer timer;
+  const Sums sums = SumsOf(slice);
+  scratch->trial = false;
+  for (uint32_t c = slice->chunk_begin; c < slice->chunk_end; ++c) {
+    if (structure_.chunks[c].feature_tangent > 0) {
+      LineariseFeatures(c, inverse_radius, sums, slice, scratch);
+    } else {
+      LineariseLoose(structure_.chunks[c], sums, slice, scratch);
+    }
+  }
+  slice->seconds = timer.Seconds();
+}
+
+// Adds up the blocks of the slices into S (and U), in the order of the slices.
 void NormalEquations::MergeBlocks() {
   const bool implicit = IsImplicit();
   const auto add_block = HOLBA_SIMD_CHOOSE_IN(::holba::native, AddSumBlock);
@@ -177,15 +177,21 @@ void NormalEquations::MergeBlocks() {
 
 void NormalEquations::Linearise(double radius, Linearisation* out) {
   ForEachSlice([&](SliceData* slice, Scratch* scratch) {
-    LineariseSlice(slice, 1.0 / radius, scratch, nullptr);
+    LineariseSlice(slice, 1.0 / radius, scratch);
   });
   MergeBlocks();
-  const size_t padded = structure_.padded_size();
+  MergeVectors(out);
+  AddDamping(radius, out);
+  CollectCost(false, &out->cost);
+}
+
+void NormalEquations::MergeVectors(Linearisation* out) {
   std::fill(gradient_.begin(), gradient_.end(), 0.0);
   std::fill(diagonal_.begin(), diagonal_.end(), 0.0);
   std::fill(reduction_.begin(), reduction_.end(), 0.0);
   out->max_gradient = 0.0;
   double evaluation_seconds = 0.0, seconds = 0.0;
+  const size_t padded = structure_.padded_size();
   for (size_t s = 0; s < num_slices_; ++s) {
     const SliceData& slice = *slices_[s];
     evaluation_seconds += slice.evaluation_seconds;
@@ -197,6 +203,11 @@ void NormalEquations::Linearise(double radius, Linearisation* out) {
     }
     if (!(slice.max_gradient <= out->max_gradient)) out->max_gradient = slice.max_gradient;
   }
+  out->evaluation_share = seconds > 0.0 ? evaluation_seconds / seconds : 1.0;
+}
+
+// Damps the diagonal of S (and U) as FactoriseFeatures damps V, and sets the right hand side.
+void NormalEquations::AddDamping(double radius, Linearisation* out) {
   double not_finite = 0.0;
   for (size_t n = 0; n < structure_.num_nodes(); ++n) {
     const uint32_t at = structure_.node_padded_offset[n];
@@ -204,7 +215,7 @@ void NormalEquations::Linearise(double radius, Linearisation* out) {
     const size_t block = S_.block_offset[pattern_.row_start[n + 1] - 1];
     for (int i = 0; i < width; ++i) {
       const double d = diagonal_[at + i], root = 1.0 + std::sqrt(d);
-      // As FactoriseFeatures.
+      // The row and column of a held coordinate are zero: any pivot gives it a zero step.
       damping_[at + i] =
           structure_.held_column[at + i] ? 1.0 : std::max(d, 1e-6 * root * root) / radius;
       S_.values.data()[block + i * stride + i] += damping_[at + i];
@@ -215,8 +226,6 @@ void NormalEquations::Linearise(double radius, Linearisation* out) {
     }
   }
   out->max_gradient += not_finite;  // NaN, if any entry is
-  out->evaluation_share = seconds > 0.0 ? evaluation_seconds / seconds : 1.0;
-  CollectCost(false, &out->cost);
 }
 
 void NormalEquations::FeatureCovariances(const BlockMatrix& Z, std::vector<size_t>* begin,
@@ -230,49 +239,74 @@ void NormalEquations::FeatureCovariances(const BlockMatrix& Z, std::vector<size_
   }
   covariances->resize(begin->back());
   ForEachSlice([&](SliceData* slice, Scratch* scratch) {
+    slice->cost.assign(problem_->batches().size(), {});
+    Sums sums = SumsOf(slice);
+    sums.U = sums.S = nullptr;  // only T is needed
+    scratch->trial = false;
     std::vector<size_t> z_offset, z_begin;
-    const auto visit = [&](const Chunk& chunk, const ChunkFeatures& features, const Sums& sums) {
-      z_offset.clear();
-      z_begin.clear();
-      uint32_t last = kNone;
-      for (size_t f = 0; f < features.count; ++f) {
-        if (features.clique[f] == last) {
-          z_begin.push_back(z_begin.back());
-          continue;
-        }
-        last = features.clique[f];
-        z_begin.push_back(z_offset.size());
-        const auto nodes = s.cliques.Nodes(last);
-        for (size_t p = 0; p < nodes.size(); ++p) {
-          // Ascending columns meet ascending nodes.
-          size_t k = pattern_.row_start[nodes[p]];
-          const size_t end = pattern_.row_start[nodes[p] + 1];
-          for (size_t q = 0; q <= p; ++q) {
-            const int b = static_cast<int>(nodes[q]);
-            if (pattern_.column[k] != b) {
-              k = std::lower_bound(pattern_.column.begin() + k, pattern_.column.begin() + end, b) -
-                  pattern_.column.begin();
-            }
-            z_offset.push_back(Z.block_offset[k]);
-          }
-        }
+    for (uint32_t c = slice->chunk_begin; c < slice->chunk_end; ++c) {
+      const Chunk& chunk = s.chunks[c];
+      if (chunk.feature_tangent == 0) continue;
+      const ChunkFeatures features = FeaturesOf(chunk, *slice, scratch);
+      HOLBA_SIMD_CHOOSE_IN(::holba::native, BeginChunk)(features, sums);
+      Panel panel;
+      for (uint32_t p = chunk.parts_begin; p < chunk.parts_end; ++p) {
+        MakeRows(s.chunk_parts[p], slice, scratch, &panel);
+        HOLBA_SIMD_CHOOSE_IN(::holba::native, Accumulate)
+        (panel, scratch->rows.data(), features, sums);
       }
+      HOLBA_SIMD_CHOOSE_IN(::holba::native, FactoriseFeatures)(features, 0.0);
+      HOLBA_SIMD_CHOOSE_IN(::holba::native, FormT)(features, sums);
+      FindInverseBlocks(features, Z, &z_offset, &z_begin);
       double* const out = covariances->data() + (*begin)[chunk.feature_begin];
       HOLBA_SIMD_CHOOSE_IN(::holba::native, FeatureCovariances)
       (features, sums, Z.values.data(), z_offset.data(), z_begin.data(), out);
-      // What no residual fixes is anywhere.
-      const int F = chunk.feature_tangent;
-      for (size_t f = 0; f < features.count; ++f) {
-        for (int i = 0; i < F; ++i) {
-          if (features.factors[(i * (i + 1) / 2 + i) * features.stride + f] != 0.0) continue;
-          if (problem_->block(s.features[chunk.feature_begin + f]).held >> i & 1) continue;
-          std::fill_n(out + f * F * F, F * F, std::numeric_limits<double>::infinity());
-        }
-      }
-    };
-    const FunctionRef<void(const Chunk&, const ChunkFeatures&, const Sums&)> reference(visit);
-    LineariseSlice(slice, 0.0, scratch, &reference);
+      SetUnconstrainedToInfinity(chunk, features, out);
+    }
   });
+}
+
+// The blocks of Z that belong to the pairs of each feature's clique.
+void NormalEquations::FindInverseBlocks(const ChunkFeatures& features, const BlockMatrix& Z,
+                                        std::vector<size_t>* z_offset,
+                                        std::vector<size_t>* z_begin) const {
+  z_offset->clear();
+  z_begin->clear();
+  uint32_t last = kNoClique;
+  for (size_t f = 0; f < features.count; ++f) {
+    if (features.clique[f] == last) {
+      z_begin->push_back(z_begin->back());
+      continue;
+    }
+    last = features.clique[f];
+    z_begin->push_back(z_offset->size());
+    const auto nodes = structure_.cliques.Nodes(last);
+    for (size_t p = 0; p < nodes.size(); ++p) {
+      // Columns and nodes both ascend.
+      size_t k = pattern_.row_start[nodes[p]];
+      const size_t end = pattern_.row_start[nodes[p] + 1];
+      for (size_t q = 0; q <= p; ++q) {
+        const int b = static_cast<int>(nodes[q]);
+        if (pattern_.column[k] != b) {
+          k = std::lower_bound(pattern_.column.begin() + k, pattern_.column.begin() + end, b) -
+              pattern_.column.begin();
+        }
+        z_offset->push_back(Z.block_offset[k]);
+      }
+    }
+  }
+}
+
+void NormalEquations::SetUnconstrainedToInfinity(const Chunk& chunk, const ChunkFeatures& features,
+                                                 double* covariances) const {
+  const int F = chunk.feature_tangent;
+  for (size_t f = 0; f < features.count; ++f) {
+    for (int i = 0; i < F; ++i) {
+      if (features.factors[(i * (i + 1) / 2 + i) * features.stride + f] != 0.0) continue;
+      if (problem_->block(structure_.features[chunk.feature_begin + f]).held >> i & 1) continue;
+      std::fill_n(covariances + f * F * F, F * F, std::numeric_limits<double>::infinity());
+    }
+  }
 }
 
 void NormalEquations::MultiplyEliminated(const double* x, double* y) {
@@ -300,159 +334,6 @@ void NormalEquations::MultiplyEliminated(const double* x, double* y) {
       y[pattern_.offset[n] + i] = sum;
     }
   }
-}
-
-void NormalEquations::StepSlice(SliceData* slice, Scratch* scratch) {
-  slice->trial_cost.assign(problem_->batches().size(), {});
-  slice->appeared.assign(problem_->batches().size(), {});
-  slice->model_change = slice->step_squares = slice->state_squares = 0.0;
-  slice->vanishing.clear();
-  const double* state = problem_->state().data();
-  const uint32_t* padded_offset = structure_.node_padded_offset.data();
-  const int64_t nothing = static_cast<int64_t>(structure_.padded_size());  // zeros
-  std::vector<Panel>& panels = scratch->panels;
-  std::vector<Evaluated>& evaluated = scratch->evaluated;
-  for (uint32_t c = slice->chunk_begin; c < slice->chunk_end; ++c) {
-    const Chunk& chunk = structure_.chunks[c];
-    const uint32_t num_parts = chunk.parts_end - chunk.parts_begin;
-    const int F = chunk.feature_tangent;
-    ChunkFeatures features;
-    double* h = scratch->step_of_features.data();
-    int64_t* base_of_position = scratch->base_of_position.data();
-    if (F > 0) {
-      features = FeaturesOf(chunk, *slice, scratch);
-      std::fill_n(h, features.stride * kFeatureRow, 0.0);
-      uint32_t position = 0;
-      for (size_t f = 0; f < features.count; ++f) {
-        features.first_position[f] = position;
-        for (uint32_t node : structure_.cliques.Nodes(features.clique[f]))
-          base_of_position[position++] = padded_offset[node];
-      }
-    }
-    scratch->trial = false;
-    scratch->panel_used = scratch->present_used = 0;
-    double* jk = scratch->jk.data();
-    for (uint32_t p = 0; p < num_parts; ++p) {
-      const ChunkPart& chunk_part = structure_.chunk_parts[chunk.parts_begin + p];
-      const Part& part = structure_.parts[chunk_part.part];
-      Evaluate(chunk_part, state, true, scratch, &evaluated[p]);
-      Panel& panel = panels[p];
-      MakePanel(chunk_part, evaluated[p], &panel);
-      const int64_t* bases[kMaxSegments] = {};
-      for (int s = 0; s < part.num_segments; ++s) {
-        int64_t* base = scratch->bases.data() + s * panel.stride;
-        bases[s] = base;
-        for (size_t j = 0; j < panel.count; ++j) {
-          const size_t at = j * part.num_segments + s;
-          if (F > 0) {
-            const uint16_t position = panel.positions[at];
-            base[j] = position == kNoPosition
-                          ? nothing
-                          : base_of_position[features.first_position[panel.local_feature[j]] +
-                                             (position & kPositionMask)];
-          } else {
-            base[j] = panel.nodes[at] == kNone ? nothing : padded_offset[panel.nodes[at]];
-          }
-        }
-        for (size_t j = panel.count; j < panel.stride; ++j) base[j] = nothing;
-      }
-      HOLBA_SIMD_CHOOSE_IN(::holba::native, ApplyStep)
-      (panel, F, padded_step_.data(), bases, jk, scratch->pulled.data());
-      for (int i = 0; i < F; ++i) {
-        // A feature's residuals stand side by side.
-        const double* pulled = scratch->pulled.data() + i * panel.stride;
-        for (size_t j = 0; j < panel.count;) {
-          const uint16_t f = panel.local_feature[j];
-          double sum = 0.0;
-          for (; j < panel.count && panel.local_feature[j] == f; ++j) sum += pulled[j];
-          h[f * kFeatureRow + i] += sum;
-        }
-      }
-      jk += panel.dim * panel.stride;
-    }
-    if (F > 0) {
-      HOLBA_SIMD_CHOOSE_IN(::holba::native, SolveFeatures)(features, h);
-      for (size_t f = 0; f < features.count; ++f) {
-        const size_t feature = chunk.feature_begin + f;
-        const ManifoldOps& ops = *structure_.manifolds[structure_.feature_manifold[feature]];
-        const size_t at = structure_.feature_at[feature];
-        double* moved = trial_state_.data() + at;
-        ops.plus(state + at, h + f * kFeatureRow, moved);
-        for (int i = 0; i < ops.ambient; ++i) {
-          const double d = moved[i] - state[at + i];
-          slice->step_squares += d * d;
-          slice->state_squares += state[at + i] * state[at + i];
-        }
-      }
-    }
-    jk = scratch->jk.data();
-    scratch->trial = true;
-    for (uint32_t p = 0; p < num_parts; ++p) {
-      const ChunkPart& chunk_part = structure_.chunk_parts[chunk.parts_begin + p];
-      slice->model_change +=
-          HOLBA_SIMD_CHOOSE_IN(::holba::native, ModelChange)(panels[p], F, jk, h);
-      jk += panels[p].dim * panels[p].stride;
-      Evaluated trial;
-      Evaluate(chunk_part, trial_state_.data(), false, scratch, &trial);
-      AddTo(&slice->trial_cost[structure_.parts[chunk_part.part].batch_idx], trial.count,
-            trial.cost);
-      CompareWithTrial(chunk_part, evaluated[p], trial, slice);
-    }
-  }
-}
-
-void NormalEquations::Step(std::span<const double> kept_step, Trial* out) {
-  const std::vector<double>& state = problem_->state();
-  trial_state_ = state;
-  double step_squares = 0.0, state_squares = 0.0;
-  for (size_t n = 0; n < structure_.num_nodes(); ++n) {
-    std::copy_n(kept_step.data() + pattern_.offset[n], structure_.node_width[n],
-                padded_step_.data() + structure_.node_padded_offset[n]);
-  }
-  for (BlockId id : structure_.node_blocks) {
-    const KeptBlock& place = structure_.kept[id];
-    const Columns& columns = structure_.block_columns[id];
-    const ParameterBlock& block = problem_->block(id);
-    if (block.constant) continue;
-    double delta[kMaxTangent] = {};
-    const double* step =
-        padded_step_.data() + structure_.node_padded_offset[place.node] + place.first;
-    for (int c = 0; c < columns.count; ++c) {
-      if (!(block.held >> columns.tangent[c] & 1)) delta[columns.tangent[c]] = step[c];
-    }
-    const size_t at = offset_of(id);
-    block.manifold->plus(state.data() + at, delta, trial_state_.data() + at);
-    for (int i = 0; i < block.manifold->ambient; ++i) {
-      const double d = trial_state_[at + i] - state[at + i];
-      step_squares += d * d;
-      state_squares += state[at + i] * state[at + i];
-    }
-  }
-  ForEachSlice([&](SliceData* slice, Scratch* scratch) { StepSlice(slice, scratch); });
-  out->model_change = 0.0;
-  for (size_t s = 0; s < num_slices_; ++s) {
-    out->model_change += slices_[s]->model_change;
-    step_squares += slices_[s]->step_squares;
-    state_squares += slices_[s]->state_squares;
-  }
-  out->step_norm = std::sqrt(step_squares);
-  out->state_norm = std::sqrt(state_squares);
-  CollectCost(true, &out->cost);
-}
-
-void NormalEquations::Accept(Problem* problem) {
-  for (size_t s = 0; s < num_slices_; ++s) {
-    for (const SliceData::Vanishing& v : slices_[s]->vanishing) {
-      const ResidualBatch& batch = *problem_->batches()[v.batch];
-      Memory& memory = memory_[v.batch];
-      memory.known.resize(batch.size());
-      memory.values.resize(batch.size() * batch.dim());
-      memory.known[v.residual] = 1;
-      std::copy_n(v.values, batch.dim(),
-                  &memory.values[static_cast<size_t>(v.residual) * batch.dim()]);
-    }
-  }
-  problem->state() = trial_state_;
 }
 
 }  // namespace holba::native

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The normal equations of a problem, reduced to the kept unknowns, and the way back: everything of
-// an iteration that goes over all residuals. elimination.h says what is computed.
+// The normal equations of a problem, reduced to the kept unknowns, and back-substitution: all
+// passes of an iteration over the residuals. elimination.h has the equations.
 #pragma once
 
 #include <memory>
@@ -17,13 +17,14 @@
 
 namespace holba::native {
 
-// What the reduced system is kept as.
+// The form in which the reduced system is stored.
 enum class SchurForm {
-  kExplicit,  // all its blocks
-  // U and T (single precision): products with S cost two passes over T. Of S itself the diagonal
-  // blocks, for a preconditioner ...
+  // All blocks of S.
+  kExplicit,
+  // U, and T in single precision; a product with S is two passes over T. Of S only the diagonal
+  // blocks, for a preconditioner.
   kImplicit,
-  // ... and those of border nodes.
+  // The same, and the blocks of S in the rows of the border.
   kImplicitWithBorder,
 };
 
@@ -31,23 +32,28 @@ enum class SchurForm {
 struct StateCost {
   double total = 0.0;
   std::vector<TermCost> batches;
-  // Of residuals that were never present before, not in the above: what they add cannot be compared
-  // with the cost before.
+  // Cost of the residuals that are present for the first time. It is not part of the above, since
+  // the cost before did not have it.
   std::vector<TermCost> appeared;
 
-  void CountAppeared();
+  void CountAppeared();  // adds it to the above
 };
 
 struct Linearisation {
   double max_gradient = 0.0;
-  double evaluation_share = 0.0;  // of the time: residuals and Jacobians; the rest is elimination
+  double evaluation_share = 0.0;  // share of the time spent in evaluating; the rest is elimination
   StateCost cost;
 };
 
 struct Trial {
   StateCost cost;
-  double model_change = 0.0;                 // of the cost, by the linear model; negative
-  double step_norm = 0.0, state_norm = 0.0;  // of all variable blocks' values
+  double model_change = 0.0;                 // change of the cost that the linear model predicts
+  double step_norm = 0.0, state_norm = 0.0;  // over the values of all variable blocks
+};
+
+// Squared norms of a step and of the state before it.
+struct StepSquares {
+  double step = 0.0, state = 0.0;
 };
 
 class NormalEquations {
@@ -55,21 +61,22 @@ class NormalEquations {
   NormalEquations();
   ~NormalEquations();
 
-  // Analyses `problem`, which must outlive this or the next call and keep its structure. True: it
-  // has the structure of the last one (fingerprint.h), and everything stands as it did.
+  // Analyses `problem`, which must keep its structure and exist until the next call or the end of
+  // this object. True: it has the structure of the last problem (fingerprint.h), whose analysis and
+  // form are used again.
   bool Begin(const Problem& problem, int num_threads);
-  // Pattern of the whole reduced system, before a form is chosen.
+  // Pattern of the whole reduced system; needs no form.
   const BlockPattern& FindPattern();
   void SetForm(SchurForm form);
 
-  // Linearises at problem.state() and eliminates the features, damped by 1 / radius; an infinite
-  // radius: not at all.
+  // Linearises at problem.state() and eliminates the features. The damping is 1 / radius; an
+  // infinite radius means none.
   void Linearise(double radius, Linearisation* out);
-  // S, damped (explicit), or its diagonal (and border) blocks (implicit): blocks of its pattern
-  // that the form leaves out are U's.
+  // Damped S (explicit form), or its diagonal and border blocks (implicit forms), where the blocks
+  // that the form leaves out are those of U.
   const BlockMatrix& matrix() const { return S_; }
   const BlockPattern& pattern() const { return pattern_; }
-  // Differs between any two patterns of these equations that differ.
+  // Changes whenever the pattern changes.
   uint64_t pattern_version() const { return pattern_version_; }
   const BlockMatrix& U() const { return U_; }  // U + D (implicit)
   // The right hand side of S k = b.
@@ -77,15 +84,17 @@ class NormalEquations {
   // y = (U + D - S) x (implicit).
   void MultiplyEliminated(const double* x, double* y);
 
-  // The features' step for the kept unknowns' step, and the cost where both lead, in trial_state().
+  // Computes the step of the features from that of the kept unknowns, the state after both,
+  // trial_state(), and the cost there.
   void Step(std::span<const double> kept_step, Trial* out);
   const std::vector<double>& trial_state() const { return trial_state_; }
-  // The trial state becomes the problem's; remembers what residuals were that are absent there.
+  // Makes the trial state the state of the problem. Residuals that are absent there keep their last
+  // value.
   void Accept(Problem* problem);
 
-  // After Linearise with an infinite radius (explicit form), Z the blocks of S^-1: covariances of
-  // the features in the structure's order, F x F entries of feature i from (*begin)[i] on.
-  // Linearise must be called again before anything else.
+  // Covariances of the features in the order of the structure: F x F entries of feature i from
+  // (*begin)[i] on. Z has the blocks of S^-1, where S is the explicit form without damping.
+  // Linearise must be called again before the next Step.
   void FeatureCovariances(const BlockMatrix& Z, std::vector<size_t>* begin,
                           std::vector<double>* covariances);
 
@@ -99,8 +108,17 @@ class NormalEquations {
   struct Evaluated;
 
   void MakePattern(SchurForm form);
+  void PlaceSumBlocks();
+  void ReserveBuffers();
   void MakeSlices();
   void MakeOffsets(SliceData* slice);
+  void FindPairsOfCliques(SliceData* slice) const;
+  void FindLoosePairs(SliceData* slice);
+  void PlaceInFullSums(SliceData* slice);
+  void PlaceInOwnSums(SliceData* slice);
+  template <typename Visitor>
+  void ForEachLooseChunk(const SliceData& slice, const Visitor& visit) const;
+
   void AddFixedCosts();
   ChunkFeatures FeaturesOf(const Chunk& chunk, const SliceData& slice, Scratch* scratch);
   Sums SumsOf(SliceData* slice) const;
@@ -110,13 +128,35 @@ class NormalEquations {
   void AddRemembered(const ChunkPart& chunk_part, const Evaluated& evaluated, TermCost* cost) const;
   void CompareWithTrial(const ChunkPart& chunk_part, const Evaluated& now, const Evaluated& trial,
                         SliceData* slice) const;
-  // `visit`, unless null: called for each chunk of features once its T stand in the scratch; then
-  // nothing is subtracted from S.
-  void LineariseSlice(
-      SliceData* slice, double inverse_radius, Scratch* scratch,
-      const FunctionRef<void(const Chunk&, const ChunkFeatures&, const Sums&)>* visit);
-  void StepSlice(SliceData* slice, Scratch* scratch);
+
+  void ClearSums(SliceData* slice) const;
+  void MakeRows(const ChunkPart& chunk_part, SliceData* slice, Scratch* scratch,
+                Panel* panel) const;
+  void LineariseSlice(SliceData* slice, double inverse_radius, Scratch* scratch);
+  void LineariseFeatures(uint32_t chunk_idx, double inverse_radius, const Sums& sums,
+                         SliceData* slice, Scratch* scratch);
+  void LineariseLoose(const Chunk& chunk, const Sums& sums, SliceData* slice,
+                      Scratch* scratch) const;
   void MergeBlocks();
+  void MergeVectors(Linearisation* out);
+  void AddDamping(double radius, Linearisation* out);
+  void FindInverseBlocks(const ChunkFeatures& features, const BlockMatrix& Z,
+                         std::vector<size_t>* z_offset, std::vector<size_t>* z_begin) const;
+  void SetUnconstrainedToInfinity(const Chunk& chunk, const ChunkFeatures& features,
+                                  double* covariances) const;
+
+  StepSquares MoveKeptBlocks();
+  void MoveBlock(const ManifoldOps& manifold, size_t at, const double* delta,
+                 StepSquares* squares);
+  void StepSlice(SliceData* slice, Scratch* scratch);
+  ChunkFeatures BeginStep(const Chunk& chunk, const SliceData& slice, Scratch* scratch);
+  void ApplyKeptStep(const Chunk& chunk, const ChunkFeatures& features, Scratch* scratch) const;
+  void FindStepBases(const Panel& panel, const ChunkFeatures& features, Scratch* scratch,
+                     const int64_t** bases) const;
+  void MoveFeatures(const Chunk& chunk, const ChunkFeatures& features, SliceData* slice,
+                    Scratch* scratch);
+  void EvaluateTrial(const Chunk& chunk, SliceData* slice, Scratch* scratch) const;
+
   template <typename Body>
   void ForEachSlice(const Body& body);
   void CollectCost(bool trial, StateCost* out) const;
@@ -127,7 +167,7 @@ class NormalEquations {
   int num_threads_ = 1;
   SchurForm form_ = SchurForm::kExplicit;
   bool pattern_found_ = false;  // pattern_ is the explicit form's
-  bool formed_ = false;         // all memory is laid out for form_
+  bool formed_ = false;         // the memory is laid out for form_
   uint64_t pattern_version_ = 0;
   Structure structure_;
   BlockPattern pattern_;
@@ -137,14 +177,14 @@ class NormalEquations {
   std::vector<std::unique_ptr<SliceData>> slices_;
   size_t num_slices_ = 0;
   std::vector<std::unique_ptr<Scratch>> scratches_;
-  std::vector<std::vector<uint32_t>> cross_;  // by part: offsets of pairs of segments
+  std::vector<std::vector<uint32_t>> cross_;  // by part: offsets of the pairs of its segments
   std::vector<double> factors_;
   std::vector<float> stored_;
   std::vector<size_t> stored_begin_;  // by chunk
   std::vector<double> gradient_, diagonal_, reduction_, damping_, rhs_, padded_step_, padded_sum_;
   std::vector<double> trial_state_;
-  std::vector<TermCost> fixed_costs_;  // of batches' residuals that nothing moves
-  // Values of residuals when they were last present, by batch; empty until needed.
+  std::vector<TermCost> fixed_costs_;  // by batch: residuals of constant blocks only
+  // By batch: the values of residuals when they were last present. Empty until needed.
   struct Memory {
     std::vector<double> values;
     std::vector<uint8_t> known;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What NormalEquations works with inside: for its own files only.
+// Internals of NormalEquations, for its own files only.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@ struct NormalEquations::Evaluated {
   PanelCost cost;
 };
 
-// Buffers of a thread for one chunk.
+// The memory of one thread for one chunk.
 struct NormalEquations::Scratch {
   AlignedDoubles panel, rows, W, V, jk, pulled, step_of_features, trial_panel;
   std::vector<uint32_t> first_position, w_offset;
@@ -29,9 +29,9 @@ struct NormalEquations::Scratch {
   std::unique_ptr<bool[]> present, trial_present;
   size_t present_size = 0;
   std::atomic<bool> busy = false;
-  // Used so far, by the chunk being worked on.
+  // What the current chunk has used so far.
   size_t panel_used = 0, present_used = 0;
-  bool trial = false;  // Evaluate uses the trial's buffers
+  bool trial = false;  // Evaluate uses the buffers of the trial state
 
   static void Grow(AlignedDoubles* buffer, size_t size) {
     if (buffer->size() < size) *buffer = AlignedDoubles(size);
@@ -63,13 +63,12 @@ struct NormalEquations::Scratch {
 // A slice of the chunks, and its sums.
 struct NormalEquations::SliceData {
   uint32_t chunk_begin = 0, chunk_end = 0;
-  // Sums; U and S are the whole matrix's own if there is one slice only.
   AlignedDoubles own_U, own_S;
   double *U = nullptr, *S = nullptr;
   size_t sums_size = 0;
   std::vector<double> gradient, diagonal, reduction, product;
-  // Blocks of the pattern that it adds to, ascending, and where they stand; empty with a full
-  // pattern or a single slice: where they stand in the whole matrix.
+  // Blocks of the pattern that the slice adds to, ascending, and their offsets in its sums. Empty
+  // where the pattern is full: then the sums have every block.
   std::vector<uint32_t> blocks, block_offset, diagonal_offset;
   uint32_t first_clique = 0;
   std::vector<size_t> pairs_begin;
@@ -78,7 +77,8 @@ struct NormalEquations::SliceData {
   std::vector<TermCost> cost, trial_cost;
   double evaluation_seconds = 0.0, seconds = 0.0;  // of the last linearisation
   std::vector<TermCost> appeared;                  // by batch, at the trial state
-  double max_gradient = 0.0, model_change = 0.0, step_squares = 0.0, state_squares = 0.0;
+  double max_gradient = 0.0, model_change = 0.0;
+  StepSquares squares;  // of the features
   // Residuals that are present here and absent at the trial state.
   struct Vanishing {
     int batch;
@@ -87,6 +87,19 @@ struct NormalEquations::SliceData {
   };
   std::vector<Vanishing> vanishing;
 };
+
+template <typename Body>
+void NormalEquations::ForEachSlice(const Body& body) {
+  ParallelTasks(num_slices_ > 1 ? num_threads_ : 1, num_slices_, [&](size_t i) {
+    // There are as many scratches as threads, so one is free.
+    for (size_t s = 0;; s = (s + 1) % scratches_.size()) {
+      if (scratches_[s]->busy.exchange(true, std::memory_order_acquire)) continue;
+      body(slices_[i].get(), scratches_[s].get());
+      scratches_[s]->busy.store(false, std::memory_order_release);
+      return;
+    }
+  });
+}
 
 inline void AddTo(TermCost* cost, size_t count, const PanelCost& panel) {
   cost->residuals += count;

@@ -62,17 +62,17 @@ struct WavyProblem {
       return problem.AddBlock(kind, EuclideanOps(size), role, values);
     };
     for (int i = 0; i < num_poses; ++i) {
-      poses.push_back(add("pose", 6, BlockRole::kKept));
+      poses.push_back(add("pose", 6, BlockRole::kPose));
       if (own_cameras || i == 0) {
-        cameras.push_back(add("camera", 5, BlockRole::kKept));
+        cameras.push_back(add("camera", 5, BlockRole::kIntrinsics));
         problem.block(cameras.back()).held = 0b00110;
         problem.block(cameras.back()).constant = plain && !own_cameras;
       } else {
         cameras.push_back(cameras[0]);
       }
     }
-    groups = {add("plane", 3, BlockRole::kKept), add("plane", 3, BlockRole::kKept),
-              add("cuboid", 9, BlockRole::kKept), add("plane", 3, BlockRole::kKept)};
+    groups = {add("plane", 3, BlockRole::kGroup), add("plane", 3, BlockRole::kGroup),
+              add("cuboid", 9, BlockRole::kGroup), add("plane", 3, BlockRole::kGroup)};
     problem.block(groups[3]).constant = true;
     problem.block(poses[0]).constant = !plain;
     problem.block(poses[1]).held = 0b001000;
@@ -230,7 +230,7 @@ TEST_P(NormalEquationsOf, AreThoseOfTheDenseSystem) {
   std::vector<int> kept, eliminated;
   for (BlockId id = 0; id < problem.num_blocks(); ++id) {
     for (int c : dense.place[id]) {
-      if (c >= 0) (problem.block(id).role == BlockRole::kKept ? kept : eliminated).push_back(c);
+      if (c >= 0) (IsKept(problem.block(id).role) ? kept : eliminated).push_back(c);
     }
   }
   const Eigen::MatrixXd V_inverse_W =
@@ -388,7 +388,7 @@ TEST(NormalEquations, HaveNoCovarianceWhereTheGaugeIsFree) {
   WavyProblem wavy(false, LossType::kTrivial, 5);
   // A pose that nothing but a single scalar residual sees.
   const double zeros[6] = {};
-  const BlockId pose = wavy.problem.AddBlock("pose", EuclideanOps(6), BlockRole::kKept, zeros);
+  const BlockId pose = wavy.problem.AddBlock("pose", EuclideanOps(6), BlockRole::kPose, zeros);
   auto batch =
       std::make_unique<KernelBatch<WavyKernel>>("weak", 1, std::vector<int>{6}, WavyKernel{1, {6}});
   batch->Add(std::array{pose}, {1});

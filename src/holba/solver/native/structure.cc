@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <bit>
 #include <set>
-#include <string>
 #include <utility>
 
 #include "holba/base/check.h"
@@ -13,23 +12,154 @@
 namespace holba::native {
 namespace {
 
-// What a build may leave for the next one: enough for local adjustments. Larger problems need the
-// memory for other things.
+// Scratch memory that a build leaves for the next one: enough for local adjustments, while a large
+// problem needs the memory for its solver.
 constexpr size_t kKeptScratchBytes = size_t{1} << 19;
-// Blocks with the same kind and tangent share their columns.
+
+// Blocks of one role and manifold share their columns.
 struct Kind {
-  std::string_view name;
-  int tangent;
-  uint32_t free = 0;  // coordinates that some block moves
-  bool is_pose, is_camera;
+  BlockRole role;
+  const ManifoldOps* manifold;
+  uint32_t free = 0;  // coordinates that are variable in some kept block
 };
 
-Columns ColumnsOf(uint32_t free, int tangent) {
+uint8_t FindOrAddKind(const ParameterBlock& block, std::vector<Kind>* kinds) {
+  size_t k = 0;
+  while (k < kinds->size() &&
+         !((*kinds)[k].role == block.role && (*kinds)[k].manifold == block.manifold))
+    ++k;
+  if (k == kinds->size()) {
+    HOLBA_CHECK_MSG(k < 255, "too many kinds of blocks");
+    kinds->push_back({block.role, block.manifold});
+  }
+  return static_cast<uint8_t>(k);
+}
+
+Columns ColumnsOf(const Kind& kind) {
   Columns columns;
-  for (int i = 0; i < tangent; ++i) {
-    if (free >> i & 1) columns.tangent[columns.count++] = static_cast<uint8_t>(i);
+  for (int i = 0; i < kind.manifold->tangent; ++i) {
+    if (kind.free >> i & 1) columns.tangent[columns.count++] = static_cast<uint8_t>(i);
   }
   return columns;
+}
+
+// What the residuals say about the blocks that they hold.
+struct BlockUse {
+  static constexpr BlockId kNoPartner = ~BlockId{0}, kSeveral = kNoPartner - 1;
+
+  std::vector<uint8_t> used;  // by block: whether a residual holds it
+  // By block: the pose that all residuals of an intrinsics block hold, and the intrinsics block
+  // that all residuals of a pose hold.
+  std::vector<BlockId> pose_of, intrinsics_of;
+  // Kinds that stand in one slot of one batch.
+  std::set<std::pair<uint8_t, uint8_t>> meetings;
+
+  BlockUse(const Problem& problem, const std::vector<Kind>& kinds,
+           const std::vector<uint8_t>& kind_of_block)
+      : used(problem.num_blocks(), 0),
+        pose_of(problem.num_blocks(), kNoPartner),
+        intrinsics_of(problem.num_blocks(), kNoPartner) {
+    for (const auto& batch : problem.batches()) AddBatch(*batch, kinds, kind_of_block);
+  }
+
+ private:
+  // Kinds of the slots of one residual, and where its pose and its intrinsics are (-1: nowhere).
+  struct Slots {
+    std::array<uint8_t, kMaxSlots> kind{};
+    int pose = -1, intrinsics = -1;
+  };
+  static Slots SlotsOf(const BlockId* ids, int num_slots, const std::vector<Kind>& kinds,
+                       const std::vector<uint8_t>& kind_of_block) {
+    Slots slots;
+    for (int s = 0; s < num_slots; ++s) {
+      slots.kind[s] = kind_of_block[ids[s]];
+      const BlockRole role = kinds[slots.kind[s]].role;
+      if (role == BlockRole::kPose) slots.pose = s;
+      if (role == BlockRole::kIntrinsics) slots.intrinsics = s;
+    }
+    return slots;
+  }
+
+  void AddBatch(const ResidualBatch& batch, const std::vector<Kind>& kinds,
+                const std::vector<uint8_t>& kind_of_block) {
+    const int num_slots = batch.num_slots();
+    const BlockId* const blocks = batch.blocks().data();
+    Slots slots = SlotsOf(blocks, num_slots, kinds, kind_of_block);
+    for (size_t i = 0; i < batch.size(); ++i) {
+      const BlockId* ids = blocks + i * num_slots;
+      bool as_before = true;
+      for (int s = 0; s < num_slots; ++s) {
+        used[ids[s]] = 1;
+        as_before &= kind_of_block[ids[s]] == slots.kind[s];
+      }
+      if (!as_before) {
+        slots = SlotsOf(ids, num_slots, kinds, kind_of_block);
+        for (int s = 0; s < num_slots; ++s) {
+          const uint8_t k = slots.kind[s], first = kind_of_block[blocks[s]];
+          if (k != first) meetings.insert({std::min(k, first), std::max(k, first)});
+        }
+      }
+      if (slots.intrinsics < 0) continue;
+      const BlockId intrinsics = ids[slots.intrinsics];
+      if (slots.pose < 0) {
+        pose_of[intrinsics] = kSeveral;
+        continue;
+      }
+      const BlockId pose = ids[slots.pose];
+      NotePartner(pose, &pose_of[intrinsics]);
+      NotePartner(intrinsics, &intrinsics_of[pose]);
+    }
+  }
+  static void NotePartner(BlockId partner, BlockId* noted) {
+    if (*noted != partner) *noted = *noted == kNoPartner ? partner : kSeveral;
+  }
+};
+
+// Kinds that meet in one slot share their columns, so that a slot has one set of columns.
+void ShareColumnsOfMeetings(const BlockUse& use, std::vector<Kind>* kinds) {
+  for (size_t round = 0; round < use.meetings.size(); ++round) {
+    for (const auto& [a, b] : use.meetings)
+      (*kinds)[a].free = (*kinds)[b].free = (*kinds)[a].free | (*kinds)[b].free;
+  }
+}
+
+// Whether every variable intrinsics block belongs to one pose only, which has no other, and fits
+// into a node with it.
+bool EachPoseHasItsOwnIntrinsics(const Problem& problem, const BlockUse& use,
+                                 const std::vector<Kind>& kinds,
+                                 const std::vector<uint8_t>& kind_of_block) {
+  bool any = false, all_own = true;
+  for (BlockId id = 0; id < problem.num_blocks(); ++id) {
+    const ParameterBlock& block = problem.block(id);
+    if (block.role != BlockRole::kIntrinsics || !block.IsVariable()) continue;
+    const BlockId pose = use.pose_of[id];
+    if (pose == BlockUse::kNoPartner) continue;  // no residual holds it
+    any = true;
+    all_own &= pose != BlockUse::kSeveral && use.intrinsics_of[pose] == id &&
+               std::popcount(kinds[kind_of_block[id]].free) + 6 <= kMaxBlockWidth;
+  }
+  return any && all_own;
+}
+
+// The feature slot of each residual of a batch; -1: none of its features is variable.
+std::vector<int8_t> FeatureSlots(const Problem& problem, const ResidualBatch& batch) {
+  const int slots = batch.num_slots();
+  std::array<bool, kMaxSlots> holds_features{};
+  for (int s = 0; s < slots; ++s) {
+    for (size_t i = 0; i < batch.size() && !holds_features[s]; ++i)
+      holds_features[s] = !IsKept(problem.block(batch.block(i, s)).role);
+  }
+  std::vector<int8_t> slot_of(batch.size(), -1);
+  for (size_t i = 0; i < batch.size(); ++i) {
+    for (int s = 0; s < slots; ++s) {
+      if (!holds_features[s]) continue;
+      const ParameterBlock& block = problem.block(batch.block(i, s));
+      if (IsKept(block.role) || !block.IsVariable()) continue;
+      slot_of[i] = static_cast<int8_t>(s);
+      break;
+    }
+  }
+  return slot_of;
 }
 
 }  // namespace
@@ -54,83 +184,16 @@ size_t Structure::Scratch::Bytes() const {
 void Structure::FindNodes(const Problem& problem) {
   const size_t num_blocks = problem.num_blocks();
   std::vector<Kind> kinds;
-  scratch_.kind_of_block.resize(num_blocks);
+  std::vector<uint8_t>& kind_of_block = scratch_.kind_of_block;
+  kind_of_block.resize(num_blocks);
   for (BlockId id = 0; id < num_blocks; ++id) {
     const ParameterBlock& block = problem.block(id);
-    size_t k = 0;
-    while (k < kinds.size() &&
-           !(kinds[k].tangent == block.manifold->tangent && kinds[k].name == block.kind))
-      ++k;
-    if (k == kinds.size()) {
-      HOLBA_CHECK_MSG(k < 255, "too many kinds of blocks");
-      kinds.push_back(
-          {block.kind, block.manifold->tangent, 0, block.kind == "pose", block.kind == "camera"});
-    }
-    scratch_.kind_of_block[id] = static_cast<uint8_t>(k);
-    if (block.role == BlockRole::kKept) kinds[k].free |= block.FreeMask();
+    kind_of_block[id] = FindOrAddKind(block, &kinds);
+    if (IsKept(block.role)) kinds[kind_of_block[id]].free |= block.FreeMask();
   }
-
-  // Kinds that meet in one slot share their columns too. Which pose is the only one of a camera?
-  constexpr uint32_t kSeveral = kNone - 1;
-  std::vector<uint32_t> pose_of(num_blocks, kNone), camera_of(num_blocks, kNone);
-  std::set<std::pair<uint8_t, uint8_t>> meetings;
-  std::vector<uint8_t> used(num_blocks, 0);  // by a residual
-  for (const auto& batch : problem.batches()) {
-    const int slots = batch->num_slots();
-    const BlockId* const blocks = batch->blocks().data();
-    std::array<uint8_t, kMaxSlots> kind_of_slot{};
-    const auto look_at_slots = [&](const BlockId* ids, int* pose_slot, int* camera_slot) {
-      *pose_slot = *camera_slot = -1;
-      for (int s = 0; s < slots; ++s) {
-        kind_of_slot[s] = scratch_.kind_of_block[ids[s]];
-        if (kinds[kind_of_slot[s]].is_pose) *pose_slot = s;
-        if (kinds[kind_of_slot[s]].is_camera) *camera_slot = s;
-      }
-    };
-    int pose_slot = -1, camera_slot = -1;
-    look_at_slots(blocks, &pose_slot, &camera_slot);
-    for (size_t i = 0; i < batch->size(); ++i) {
-      const BlockId* ids = blocks + i * slots;
-      bool as_before = true;
-      for (int s = 0; s < slots; ++s) {
-        used[ids[s]] = 1;
-        as_before &= scratch_.kind_of_block[ids[s]] == kind_of_slot[s];
-      }
-      if (!as_before) {
-        look_at_slots(ids, &pose_slot, &camera_slot);
-        for (int s = 0; s < slots; ++s) {
-          const uint8_t k = kind_of_slot[s], first = scratch_.kind_of_block[blocks[s]];
-          if (k != first) meetings.insert({std::min(k, first), std::max(k, first)});
-        }
-      }
-      const BlockId pose = pose_slot < 0 ? kNone : ids[pose_slot];
-      const BlockId camera = camera_slot < 0 ? kNone : ids[camera_slot];
-      if (camera == kNone) continue;
-      if (pose == kNone) {
-        pose_of[camera] = kSeveral;
-        continue;
-      }
-      if (pose_of[camera] != pose) pose_of[camera] = pose_of[camera] == kNone ? pose : kSeveral;
-      if (camera_of[pose] != camera) camera_of[pose] = camera_of[pose] == kNone ? camera : kSeveral;
-    }
-  }
-  for (size_t round = 0; round < meetings.size(); ++round) {
-    for (const auto& [a, b] : meetings)
-      kinds[a].free = kinds[b].free = kinds[a].free | kinds[b].free;
-  }
-  merged_ = false;
-  bool any_camera = false, all_alone = true;
-  for (BlockId id = 0; id < num_blocks; ++id) {
-    const ParameterBlock& block = problem.block(id);
-    const Kind& kind = kinds[scratch_.kind_of_block[id]];
-    if (!kind.is_camera || block.role != BlockRole::kKept || block.FreeTangent() == 0) continue;
-    if (pose_of[id] == kNone) continue;  // no residual sees it
-    any_camera = true;
-    const bool alone = pose_of[id] != kSeveral && camera_of[pose_of[id]] == id &&
-                       std::popcount(kind.free) + 6 <= kMaxBlockWidth;
-    all_alone &= alone;
-  }
-  merged_ = any_camera && all_alone;
+  const BlockUse use(problem, kinds, kind_of_block);
+  ShareColumnsOfMeetings(use, &kinds);
+  merged_ = EachPoseHasItsOwnIntrinsics(problem, use, kinds, kind_of_block);
 
   kept.assign(num_blocks, {});
   block_columns.assign(num_blocks, {});
@@ -142,30 +205,28 @@ void Structure::FindNodes(const Problem& problem) {
     node_width.push_back(0);
   };
   const auto add_block = [&](BlockId id) {
-    const Kind& kind = kinds[scratch_.kind_of_block[id]];
-    const Columns columns = ColumnsOf(kind.free, kind.tangent);
+    const Columns columns = ColumnsOf(kinds[kind_of_block[id]]);
     block_columns[id] = columns;
     kept[id] = {static_cast<uint32_t>(node_width.size() - 1), node_width.back()};
     node_blocks.push_back(id);
     node_width.back() += columns.count;
   };
   const auto moves = [&](BlockId id) {
-    return used[id] != 0 && problem.block(id).role == BlockRole::kKept &&
-           problem.block(id).FreeTangent() > 0;
+    const ParameterBlock& block = problem.block(id);
+    return use.used[id] != 0 && IsKept(block.role) && block.IsVariable();
   };
   for (BlockId id = 0; id < num_blocks; ++id) {
-    if (!kinds[scratch_.kind_of_block[id]].is_pose || problem.block(id).role != BlockRole::kKept)
-      continue;
-    const BlockId camera =
-        merged_ && camera_of[id] < kSeveral && moves(camera_of[id]) ? camera_of[id] : kNone;
-    if (!moves(id) && camera == kNone) continue;
+    if (problem.block(id).role != BlockRole::kPose) continue;
+    const BlockId partner = use.intrinsics_of[id];
+    const bool takes_intrinsics = merged_ && partner < BlockUse::kSeveral && moves(partner);
+    if (!moves(id) && !takes_intrinsics) continue;
     begin_node();
-    if (kinds[scratch_.kind_of_block[id]].free != 0) add_block(id);
-    if (camera != kNone) add_block(camera);
+    if (kinds[kind_of_block[id]].free != 0) add_block(id);
+    if (takes_intrinsics) add_block(partner);
   }
   num_pose_nodes = static_cast<uint32_t>(node_width.size());
   for (BlockId id = 0; id < num_blocks; ++id) {
-    if (!moves(id) || kept[id].node != kNone) continue;
+    if (!moves(id) || kept[id].node != kNoNode) continue;
     begin_node();
     add_block(id);
   }
@@ -195,30 +256,11 @@ void Structure::FindParts(const Problem& problem) {
   };
   for (size_t b = 0; b < problem.batches().size(); ++b) {
     const ResidualBatch& batch = *problem.batches()[b];
-    const int slots = batch.num_slots();
-    // Of each slot (and, last, of none): the residuals whose feature it is.
-    std::array<size_t, kMaxSlots + 1> counts{};
-    std::array<bool, kMaxSlots> feature_role{};
-    for (int s = 0; s < slots; ++s) {
-      for (size_t i = 0; i < batch.size() && !feature_role[s]; ++i)
-        feature_role[s] = problem.block(batch.block(i, s)).role == BlockRole::kFeature;
-    }
-    const auto feature_slot_of = [&](size_t i) {
-      for (int s = 0; s < slots; ++s) {
-        if (!feature_role[s]) continue;
-        const ParameterBlock& block = problem.block(batch.block(i, s));
-        if (block.role == BlockRole::kFeature && block.FreeTangent() > 0) return s;
-      }
-      return -1;
-    };
-    std::vector<int8_t> slot_of(batch.size());
-    for (size_t i = 0; i < batch.size(); ++i) {
-      const int s = feature_slot_of(i);
-      slot_of[i] = static_cast<int8_t>(s);
-      ++counts[s < 0 ? kMaxSlots : s];
-    }
-    for (int feature_slot = -1; feature_slot < slots; ++feature_slot) {
-      const size_t count = counts[feature_slot < 0 ? kMaxSlots : feature_slot];
+    const std::vector<int8_t> slot_of = FeatureSlots(problem, batch);
+    std::array<size_t, kMaxSlots + 1> counts{};  // [slot + 1]: residuals whose feature it is
+    for (int8_t slot : slot_of) ++counts[slot + 1];
+    for (int feature_slot = -1; feature_slot < batch.num_slots(); ++feature_slot) {
+      const size_t count = counts[feature_slot + 1];
       if (count == 0) continue;
       Part& part = next_part();
       part.batch = &batch;
@@ -231,62 +273,67 @@ void Structure::FindParts(const Problem& problem) {
       for (size_t i = 0; i < batch.size(); ++i) {
         if (slot_of[i] == feature_slot) part.residuals.push_back(static_cast<uint32_t>(i));
       }
-      // A slot gets a segment if any of its blocks moves.
-      std::array<BlockId, kMaxSlots> example;
-      example.fill(kNone);
-      for (int s = 0; s < slots; ++s) {
-        if (s == feature_slot) continue;
-        for (size_t i = 0; i < count && example[s] == kNone; ++i) {
-          const BlockId id = batch.block(part.residuals[i], s);
-          if (kept[id].node != kNone) example[s] = id;
-        }
-      }
-      if (feature_slot >= 0) part.wanted[feature_slot] = true;
-      part.row_stride = 8;
-      std::array<int, kMaxSlots> segment_of;
-      segment_of.fill(-1);
-      const auto add_to_segment = [&](int s, int segment_idx) {
-        const BlockId id = example[s];
-        Segment& segment = part.segments[segment_idx];
-        SegmentPart& piece = segment.parts[segment.num_parts++];
-        piece = {s, batch.tangent(s), segment.width, block_columns[id]};
-        segment.width += piece.columns.count;
-        segment.padded = PaddedWidth(segment.width);
-        segment_of[s] = segment_idx;
-        part.wanted[s] = true;
-      };
-      for (int s = 0; s < slots; ++s) {
-        if (example[s] == kNone || segment_of[s] >= 0) continue;
-        const int idx = part.num_segments++;
-        part.segments[idx] = {};
-        add_to_segment(s, idx);
-        if (!merged_) continue;
-        for (int other = s + 1; other < slots; ++other) {
-          if (example[other] == kNone) continue;
-          // Merged nodes: pose and camera of one residual share theirs.
-          for (size_t i = 0; i < count; ++i) {
-            const uint32_t a = kept[batch.block(part.residuals[i], s)].node;
-            const uint32_t c = kept[batch.block(part.residuals[i], other)].node;
-            if (a == kNone || c == kNone) continue;
-            if (a == c) add_to_segment(other, idx);
-            break;
-          }
-        }
-      }
-      for (int k = 0; k < part.num_segments; ++k) part.row_stride += part.segments[k].padded;
+      MakeSegments(&part);
     }
   }
   parts.resize(used);
 }
 
+void Structure::MakeSegments(Part* part) const {
+  const ResidualBatch& batch = *part->batch;
+  const int slots = batch.num_slots();
+  // A block with a place for each slot that is in a segment: those where some block is variable.
+  std::array<const BlockId*, kMaxSlots> example{};
+  for (int s = 0; s < slots; ++s) {
+    if (s == part->feature_slot) continue;
+    for (uint32_t i : part->residuals) {
+      const BlockId* id = &batch.blocks()[size_t{i} * slots + s];
+      if (kept[*id].node == kNoNode) continue;
+      example[s] = id;
+      break;
+    }
+  }
+  if (part->feature_slot >= 0) part->wanted[part->feature_slot] = true;
+  std::array<bool, kMaxSlots> in_segment{};
+  const auto add_to_segment = [&](int s, Segment* segment) {
+    SegmentPart& piece = segment->parts[segment->num_parts++];
+    piece = {s, batch.tangent(s), segment->width, block_columns[*example[s]]};
+    segment->width += piece.columns.count;
+    segment->padded = PaddedWidth(segment->width);
+    part->wanted[s] = in_segment[s] = true;
+  };
+  part->row_stride = kFeatureRow;
+  for (int s = 0; s < slots; ++s) {
+    if (example[s] == nullptr || in_segment[s]) continue;
+    Segment& segment = part->segments[part->num_segments++] = {};
+    add_to_segment(s, &segment);
+    for (int other = s + 1; merged_ && other < slots; ++other) {
+      if (example[other] != nullptr && ShareNode(*part, s, other)) add_to_segment(other, &segment);
+    }
+    part->row_stride += segment.padded;
+  }
+}
+
+// Whether two slots of a part hold the pose and the intrinsics of one node: the first residual that
+// has both says so for all.
+bool Structure::ShareNode(const Part& part, int slot, int other) const {
+  for (uint32_t i : part.residuals) {
+    const uint32_t a = kept[part.batch->block(i, slot)].node;
+    const uint32_t b = kept[part.batch->block(i, other)].node;
+    if (a != kNoNode && b != kNoNode) return a == b;
+  }
+  return false;
+}
+
+// Held coordinates that have a column, in padded vectors and by residual.
 void Structure::FindHeld(const Problem& problem) {
   scratch_.still.assign(problem.num_blocks(), 0);
   bool any = false;
   for (BlockId id = 0; id < problem.num_blocks(); ++id) {
     const ParameterBlock& block = problem.block(id);
-    if (block.role == BlockRole::kFeature) {
+    if (!IsKept(block.role)) {
       if (!block.constant) scratch_.still[id] = block.held;
-    } else if (kept[id].node != kNone) {
+    } else if (kept[id].node != kNoNode) {
       const Columns& columns = block_columns[id];
       for (int c = 0; c < columns.count; ++c)
         scratch_.still[id] |= uint32_t{1} << columns.tangent[c];

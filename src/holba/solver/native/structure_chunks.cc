@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The order of the features, and the chunks in which they are worked on.
+// Structure: the order of the features, their cliques, and the chunks.
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -17,25 +17,32 @@ namespace {
 // Residuals of a chunk: enough to fill vectors and to hide a virtual call, few enough for their
 // panels, rows and W to stay in the second level of cache.
 constexpr size_t kChunkResiduals = 128;
-constexpr size_t kMaxChunkFeatures = 1024;  // vp residuals: one a feature
-// Of the keys that features are sorted by.
+constexpr size_t kMaxChunkFeatures = 1024;  // features with few residuals each
+// Bits of the keys that features are sorted by.
 constexpr int kTangentBits = 3, kNodeBits = 64 - kTangentBits;
 
 }  // namespace
 
 void Structure::OrderFeatures(const Problem& problem) {
-  const size_t num_blocks = problem.num_blocks();
-  scratch_.feature_of_block.assign(num_blocks, kNone);
+  FindFeatures(problem);
+  ListNodes();
+  SortFeatures();
+  MakeCliques();
+  FindPlacesOfFeatures(problem);
+}
+
+// The variable features in the order in which the residuals mention them, and upper bounds of the
+// lengths of their lists of nodes.
+void Structure::FindFeatures(const Problem& problem) {
+  scratch_.feature_of_block.assign(problem.num_blocks(), kNoFeature);
   features.clear();
-  std::vector<uint8_t>& tangent_of =
-      scratch_.kind_of_block;  // of features; no longer needed as kinds
-  // Upper bounds of the lists' lengths.
+  std::vector<uint8_t>& tangent_of = scratch_.kind_of_block;  // the kinds are no longer needed
   scratch_.list_size.clear();
   for (const Part& part : parts) {
     if (part.feature_slot < 0) continue;
     for (uint32_t i : part.residuals) {
       const BlockId id = part.batch->block(i, part.feature_slot);
-      if (scratch_.feature_of_block[id] == kNone) {
+      if (scratch_.feature_of_block[id] == kNoFeature) {
         scratch_.feature_of_block[id] = static_cast<uint32_t>(features.size());
         features.push_back(id);
         scratch_.list_size.push_back(0);
@@ -44,6 +51,10 @@ void Structure::OrderFeatures(const Problem& problem) {
       scratch_.list_size[scratch_.feature_of_block[id]] += part.num_segments;
     }
   }
+}
+
+// The nodes that the residuals of each feature touch, ascending.
+void Structure::ListNodes() {
   const size_t n = features.size();
   scratch_.list_begin.resize(n + 1);
   scratch_.list_begin[0] = 0;
@@ -58,7 +69,7 @@ void Structure::OrderFeatures(const Problem& problem) {
       const uint32_t f = scratch_.feature_of_block[part.batch->block(i, part.feature_slot)];
       for (int s = 0; s < part.num_segments; ++s) {
         const uint32_t node = NodeOf(part, part.segments[s], i);
-        if (node == kNone) continue;
+        if (node == kNoNode) continue;
         // Most residuals of a feature come in the order of their nodes.
         uint32_t* list = &scratch_.lists[scratch_.list_begin[f]];
         if (scratch_.list_size[f] > 0 && list[scratch_.list_size[f] - 1] == node) continue;
@@ -66,50 +77,66 @@ void Structure::OrderFeatures(const Problem& problem) {
       }
     }
   }
-  scratch_.keys.resize(n);
-  // Keys: tangent, then as many of the first nodes as fit: features with the same cameras come
-  // together.
-  const int bits = std::max(1, static_cast<int>(std::bit_width(num_nodes() + 1)));
-  const int places = std::max(1, kNodeBits / bits);
   for (size_t f = 0; f < n; ++f) {
     uint32_t* list = &scratch_.lists[scratch_.list_begin[f]];
     uint32_t* end = list + scratch_.list_size[f];
-    if (std::adjacent_find(list, end, std::greater_equal<uint32_t>()) != end) {
-      std::sort(list, end);
-      end = std::unique(list, end);
-      scratch_.list_size[f] = static_cast<uint32_t>(end - list);
-    }
+    if (std::adjacent_find(list, end, std::greater_equal<uint32_t>()) == end) continue;
+    std::sort(list, end);
+    scratch_.list_size[f] = static_cast<uint32_t>(std::unique(list, end) - list);
+  }
+}
+
+// scratch_.keys: the features by their tangent size and then by as many of their first nodes as fit
+// into a key, so that features with the same cameras stand side by side.
+void Structure::SortFeatures() {
+  const size_t n = features.size();
+  const std::vector<uint8_t>& tangent_of = scratch_.kind_of_block;
+  scratch_.keys.resize(n);
+  const int bits = std::max(1, static_cast<int>(std::bit_width(num_nodes() + 1)));
+  const int places = std::max(1, kNodeBits / bits);
+  for (size_t f = 0; f < n; ++f) {
+    const uint32_t* list = &scratch_.lists[scratch_.list_begin[f]];
+    const uint32_t* end = list + scratch_.list_size[f];
     uint64_t key = tangent_of[features[f]];
     for (int i = 0; i < places; ++i) key = key << bits | (list + i < end ? list[i] + 1 : 0);
     scratch_.keys[f] = {key, static_cast<uint32_t>(f)};
   }
   SortKeys(bits * places + kTangentBits);
+}
+
+// The features in the order of their keys, and a clique for each run of features with the same
+// nodes.
+void Structure::MakeCliques() {
+  const size_t n = features.size();
   scratch_.rank.resize(n);
   std::vector<BlockId> ordered(n);
   feature_clique.resize(n);
   cliques.begin.assign(1, 0);
   cliques.nodes.clear();
   num_pairs = 0.0;
-  uint32_t last = kNone;
   for (size_t r = 0; r < n; ++r) {
     const uint32_t f = scratch_.keys[r].second;
     scratch_.rank[f] = static_cast<uint32_t>(r);
     ordered[r] = features[f];
     const uint32_t* list = &scratch_.lists[scratch_.list_begin[f]];
-    const bool same =
-        last != kNone && scratch_.list_size[f] == scratch_.list_size[last] &&
-        std::equal(list, list + scratch_.list_size[f], &scratch_.lists[scratch_.list_begin[last]]);
+    const uint32_t size = scratch_.list_size[f];
+    const uint32_t last = r > 0 ? scratch_.keys[r - 1].second : f;
+    const bool same = r > 0 && size == scratch_.list_size[last] &&
+                      std::equal(list, list + size, &scratch_.lists[scratch_.list_begin[last]]);
     if (!same) {
-      cliques.nodes.insert(cliques.nodes.end(), list, list + scratch_.list_size[f]);
+      cliques.nodes.insert(cliques.nodes.end(), list, list + size);
       cliques.begin.push_back(static_cast<uint32_t>(cliques.nodes.size()));
     }
-    last = f;
     feature_clique[r] = static_cast<uint32_t>(cliques.size() - 1);
-    num_pairs += 0.5 * scratch_.list_size[f] * (scratch_.list_size[f] + 1.0);
+    num_pairs += 0.5 * size * (size + 1.0);
   }
   HOLBA_CHECK_MSG(n == 0 || cliques.size() > 0, "features without cliques");
   features.swap(ordered);
+}
 
+// Where the values of each feature stand in the state, and its manifold.
+void Structure::FindPlacesOfFeatures(const Problem& problem) {
+  const size_t n = features.size();
   feature_at.resize(n);
   feature_manifold.resize(n);
   manifolds.clear();
@@ -126,8 +153,7 @@ void Structure::OrderFeatures(const Problem& problem) {
   }
 }
 
-// scratch_.keys by key, equal ones in the order in which they stand: digit by digit from the last
-// one.
+// Sorts scratch_.keys by key with a stable radix sort.
 void Structure::SortKeys(int key_bits) {
   if (std::is_sorted(scratch_.keys.begin(), scratch_.keys.end())) return;
   constexpr int kDigitBits = 11;
@@ -148,7 +174,8 @@ void Structure::SortKeys(int key_bits) {
   }
 }
 
-// The residuals of each feature in the order of their nodes.
+// Puts the residuals of each feature in the order of their nodes. `start`: the first residual of
+// each feature.
 void Structure::SortByNode(Part* part, const uint32_t* start, size_t num_features) const {
   const auto node_of = [&](uint32_t residual) {
     return NodeOf(*part, part->segments[0], residual);
@@ -165,12 +192,18 @@ void Structure::SortByNode(Part* part, const uint32_t* start, size_t num_feature
 }
 
 void Structure::MakeChunks(const Problem& problem) {
-  const size_t n = features.size();
   chunks.clear();
   chunk_parts.clear();
   factors_size = max_panel = max_rows = max_w = max_features = max_residuals = max_positions = 0;
+  SortResiduals();
+  for (uint32_t begin = 0; begin < features.size();) begin = MakeFeatureChunk(problem, begin);
+  for (uint32_t part_idx = 0; part_idx < parts.size(); ++part_idx) MakeLooseChunks(part_idx);
+}
 
-  // Residuals of every part in the order of their features.
+// Puts the residuals of every part in the order of their features; scratch_.part_start has, for
+// each part with features, the first residual of each feature.
+void Structure::SortResiduals() {
+  const size_t n = features.size();
   size_t num_feature_parts = 0;
   for (const Part& part : parts) num_feature_parts += part.feature_slot >= 0;
   scratch_.part_start.resize(num_feature_parts * (n + 1));
@@ -178,13 +211,15 @@ void Structure::MakeChunks(const Problem& problem) {
   size_t p = 0;
   for (Part& part : parts) {
     if (part.feature_slot < 0) continue;
+    const auto rank_of = [&](uint32_t i) {
+      return scratch_.rank[scratch_.feature_of_block[part.batch->block(i, part.feature_slot)]];
+    };
     uint32_t* start = &scratch_.part_start[p++ * (n + 1)];
     std::fill_n(start, n + 1, 0);
     bool in_order = true;
     uint32_t before = 0;
     for (uint32_t i : part.residuals) {
-      const uint32_t r =
-          scratch_.rank[scratch_.feature_of_block[part.batch->block(i, part.feature_slot)]];
+      const uint32_t r = rank_of(i);
       ++start[r + 1];
       in_order &= r >= before;
       before = r;
@@ -192,11 +227,7 @@ void Structure::MakeChunks(const Problem& problem) {
     for (size_t r = 0; r < n; ++r) start[r + 1] += start[r];
     if (!in_order) {
       sorted.resize(part.residuals.size());
-      for (uint32_t i : part.residuals) {
-        const uint32_t r =
-            scratch_.rank[scratch_.feature_of_block[part.batch->block(i, part.feature_slot)]];
-        sorted[start[r]++] = i;
-      }
+      for (uint32_t i : part.residuals) sorted[start[rank_of(i)]++] = i;
       for (size_t r = n; r > 0; --r) start[r] = start[r - 1];
       start[0] = 0;
       part.residuals.assign(sorted.begin(), sorted.end());
@@ -205,112 +236,124 @@ void Structure::MakeChunks(const Problem& problem) {
     part.local_feature.resize(part.residuals.size());
     part.positions.resize(part.residuals.size() * part.num_segments);
   }
+}
 
-  const auto finish = [&](Chunk* chunk) {
-    size_t panel = 0, rows = 0, residuals = 0;
-    for (uint32_t c = chunk->parts_begin; c < chunk->parts_end; ++c) {
-      const ChunkPart& cp = chunk_parts[c];
-      const Part& part = parts[cp.part];
-      const size_t count = cp.end - cp.begin, stride = PanelStride(count);
-      size_t entries = part.batch->dim();
-      for (int s = 0; s < part.batch->num_slots(); ++s) {
-        if (part.wanted[s])
-          entries += static_cast<size_t>(part.batch->dim()) * part.batch->tangent(s);
-      }
-      panel += entries * stride;
-      rows = std::max(rows, static_cast<size_t>(part.batch->dim()) * part.row_stride * stride);
-      residuals = std::max(residuals, stride);
-    }
-    const size_t num = FeatureStride(chunk->feature_end - chunk->feature_begin);
-    const int F = chunk->feature_tangent;
-    chunk->factor_begin = factors_size;
-    factors_size += num * (F * (F + 1) / 2 + F);
-    max_panel = std::max(max_panel, panel);
-    max_rows = std::max(max_rows, rows);
-    max_w = std::max(max_w, chunk->w_size);
-    max_features = std::max(max_features, num);
-    max_residuals = std::max(max_residuals, residuals);
-    max_positions = std::max<size_t>(max_positions, chunk->num_positions);
-    chunks.push_back(*chunk);
+// One chunk of features from `begin` on; returns where the next one begins.
+uint32_t Structure::MakeFeatureChunk(const Problem& problem, uint32_t begin) {
+  const size_t n = features.size();
+  const size_t num_feature_parts = scratch_.part_start.size() / (n + 1);
+  const auto tangent_of = [&](uint32_t f) {
+    return problem.block(features[f]).manifold->tangent;
   };
-
-  for (uint32_t begin = 0; begin < n;) {
-    Chunk chunk;
-    chunk.feature_begin = begin;
-    chunk.feature_tangent = problem.block(features[begin]).manifold->tangent;
-    size_t residuals = 0;
-    uint32_t end = begin;
-    while (end < n && end - begin < kMaxChunkFeatures && residuals < kChunkResiduals &&
-           problem.block(features[end]).manifold->tangent == chunk.feature_tangent) {
-      for (size_t k = 0; k < num_feature_parts; ++k) {
-        const uint32_t* start = &scratch_.part_start[k * (n + 1)];
-        residuals += start[end + 1] - start[end];
-      }
-      const auto nodes = cliques.Nodes(feature_clique[end]);
-      HOLBA_CHECK_MSG(nodes.size() <= kMaxPositions, "a feature sees more than 32767 kept blocks");
-      chunk.num_positions += static_cast<uint32_t>(nodes.size());
-      for (uint32_t node : nodes) {
-        chunk.w_size += static_cast<size_t>(chunk.feature_tangent) * PaddedWidth(node_width[node]);
-      }
-      ++end;
+  Chunk chunk;
+  chunk.feature_begin = begin;
+  chunk.feature_tangent = tangent_of(begin);
+  size_t residuals = 0;
+  uint32_t end = begin;
+  while (end < n && end - begin < kMaxChunkFeatures && residuals < kChunkResiduals &&
+         tangent_of(end) == chunk.feature_tangent) {
+    for (size_t k = 0; k < num_feature_parts; ++k) {
+      const uint32_t* start = &scratch_.part_start[k * (n + 1)];
+      residuals += start[end + 1] - start[end];
     }
-    chunk.feature_end = end;
-    chunk.parts_begin = static_cast<uint32_t>(chunk_parts.size());
-    scratch_.touched.assign(chunk.num_positions, 0);
-    size_t k = 0;
-    for (uint32_t part_idx = 0; part_idx < parts.size(); ++part_idx) {
-      Part& part = parts[part_idx];
-      if (part.feature_slot < 0) continue;
-      const uint32_t* start = &scratch_.part_start[k++ * (n + 1)];
-      if (start[begin] == start[end]) continue;
-      chunk_parts.push_back({part_idx, start[begin], start[end]});
-      uint8_t* touched = scratch_.touched.data();
-      for (uint32_t f = begin; f < end; ++f) {
-        const auto nodes = cliques.Nodes(feature_clique[f]);
-        for (uint32_t j = start[f]; j < start[f + 1]; ++j) {
-          part.local_feature[j] = static_cast<uint16_t>(f - begin);
-          for (int s = 0; s < part.num_segments; ++s) {
-            const uint32_t node = NodeOf(part, part.segments[s], part.residuals[j]);
-            uint16_t& position = part.positions[j * part.num_segments + s];
-            if (node == kNone) {
-              position = kNoPosition;
-              continue;
-            }
-            position = static_cast<uint16_t>(std::lower_bound(nodes.begin(), nodes.end(), node) -
-                                             nodes.begin());
-            if (!std::exchange(touched[position], uint8_t{1})) position |= kFirstTouch;
-          }
-        }
-        touched += nodes.size();
-      }
-    }
-    chunk.parts_end = static_cast<uint32_t>(chunk_parts.size());
-    chunk.plain = IsPlain(chunk);
-    finish(&chunk);
-    begin = end;
+    const auto nodes = cliques.Nodes(feature_clique[end]);
+    HOLBA_CHECK_MSG(nodes.size() <= kMaxPositions, "a feature sees more than 32767 kept blocks");
+    chunk.num_positions += static_cast<uint32_t>(nodes.size());
+    for (uint32_t node : nodes)
+      chunk.w_size += static_cast<size_t>(chunk.feature_tangent) * PaddedWidth(node_width[node]);
+    ++end;
   }
+  chunk.feature_end = end;
+  chunk.parts_begin = static_cast<uint32_t>(chunk_parts.size());
+  scratch_.touched.assign(chunk.num_positions, 0);
+  size_t k = 0;
   for (uint32_t part_idx = 0; part_idx < parts.size(); ++part_idx) {
-    Part& part = parts[part_idx];
-    if (part.feature_slot >= 0 || part.num_segments == 0) continue;
-    part.nodes.resize(part.residuals.size() * part.num_segments);
-    for (size_t j = 0; j < part.residuals.size(); ++j) {
-      for (int s = 0; s < part.num_segments; ++s)
-        part.nodes[j * part.num_segments + s] = NodeOf(part, part.segments[s], part.residuals[j]);
+    if (parts[part_idx].feature_slot < 0) continue;
+    const uint32_t* start = &scratch_.part_start[k++ * (n + 1)];
+    if (start[begin] == start[end]) continue;
+    chunk_parts.push_back({part_idx, start[begin], start[end]});
+    PlaceResiduals(chunk, start, &parts[part_idx]);
+  }
+  chunk.parts_end = static_cast<uint32_t>(chunk_parts.size());
+  chunk.plain = IsPlain(chunk);
+  FinishChunk(&chunk);
+  return end;
+}
+
+// Places of a part's residuals in the cliques of a chunk's features; who touches a W first.
+void Structure::PlaceResiduals(const Chunk& chunk, const uint32_t* start, Part* part) {
+  uint8_t* touched = scratch_.touched.data();
+  for (uint32_t f = chunk.feature_begin; f < chunk.feature_end; ++f) {
+    const auto nodes = cliques.Nodes(feature_clique[f]);
+    for (uint32_t j = start[f]; j < start[f + 1]; ++j) {
+      part->local_feature[j] = static_cast<uint16_t>(f - chunk.feature_begin);
+      for (int s = 0; s < part->num_segments; ++s) {
+        const uint32_t node = NodeOf(*part, part->segments[s], part->residuals[j]);
+        uint16_t& position = part->positions[j * part->num_segments + s];
+        if (node == kNoNode) {
+          position = kNoPosition;
+          continue;
+        }
+        position = static_cast<uint16_t>(std::lower_bound(nodes.begin(), nodes.end(), node) -
+                                         nodes.begin());
+        if (!std::exchange(touched[position], uint8_t{1})) position |= kFirstTouch;
+      }
     }
-    for (size_t begin = 0; begin < part.residuals.size(); begin += kChunkResiduals) {
-      Chunk chunk;
-      chunk.parts_begin = static_cast<uint32_t>(chunk_parts.size());
-      chunk_parts.push_back(
-          {part_idx, static_cast<uint32_t>(begin),
-           static_cast<uint32_t>(std::min(begin + kChunkResiduals, part.residuals.size()))});
-      chunk.parts_end = static_cast<uint32_t>(chunk_parts.size());
-      finish(&chunk);
-    }
+    touched += nodes.size();
   }
 }
 
-// Whether the residuals are those of one part, one for each place of the features' cliques, in
-// order.
+// Chunks of the residuals of a part without features.
+void Structure::MakeLooseChunks(uint32_t part_idx) {
+  Part& part = parts[part_idx];
+  if (part.feature_slot >= 0 || part.num_segments == 0) return;
+  part.nodes.resize(part.residuals.size() * part.num_segments);
+  for (size_t j = 0; j < part.residuals.size(); ++j) {
+    for (int s = 0; s < part.num_segments; ++s)
+      part.nodes[j * part.num_segments + s] = NodeOf(part, part.segments[s], part.residuals[j]);
+  }
+  for (size_t begin = 0; begin < part.residuals.size(); begin += kChunkResiduals) {
+    Chunk chunk;
+    chunk.parts_begin = static_cast<uint32_t>(chunk_parts.size());
+    chunk_parts.push_back(
+        {part_idx, static_cast<uint32_t>(begin),
+         static_cast<uint32_t>(std::min(begin + kChunkResiduals, part.residuals.size()))});
+    chunk.parts_end = static_cast<uint32_t>(chunk_parts.size());
+    FinishChunk(&chunk);
+  }
+}
+
+// Gives a chunk the place of its factors, counts what its buffers need, and appends it.
+void Structure::FinishChunk(Chunk* chunk) {
+  size_t panel = 0, rows = 0, residuals = 0;
+  for (uint32_t c = chunk->parts_begin; c < chunk->parts_end; ++c) {
+    const ChunkPart& cp = chunk_parts[c];
+    const Part& part = parts[cp.part];
+    const size_t count = cp.end - cp.begin, stride = PanelStride(count);
+    size_t entries = part.batch->dim();
+    for (int s = 0; s < part.batch->num_slots(); ++s) {
+      if (part.wanted[s])
+        entries += static_cast<size_t>(part.batch->dim()) * part.batch->tangent(s);
+    }
+    panel += entries * stride;
+    rows = std::max(rows, static_cast<size_t>(part.batch->dim()) * part.row_stride * stride);
+    residuals = std::max(residuals, stride);
+  }
+  const size_t num = FeatureStride(chunk->feature_end - chunk->feature_begin);
+  const int F = chunk->feature_tangent;
+  chunk->factor_begin = factors_size;
+  factors_size += num * (F * (F + 1) / 2 + F);
+  max_panel = std::max(max_panel, panel);
+  max_rows = std::max(max_rows, rows);
+  max_w = std::max(max_w, chunk->w_size);
+  max_features = std::max(max_features, num);
+  max_residuals = std::max(max_residuals, residuals);
+  max_positions = std::max<size_t>(max_positions, chunk->num_positions);
+  chunks.push_back(*chunk);
+}
+
+// Whether the residuals of a chunk are those of one part, one for each place in the cliques of the
+// features, in order, and of a shape that elimination has constants for.
 bool Structure::IsPlain(const Chunk& chunk) const {
   if (chunk.parts_end - chunk.parts_begin != 1) return false;
   const ChunkPart& cp = chunk_parts[chunk.parts_begin];
