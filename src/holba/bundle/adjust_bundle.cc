@@ -50,14 +50,15 @@ class Adjuster {
  public:
   Adjuster(const BundleOptions& options, const SolverOptions& solver_options,
            const BundleSelection& selection, Reconstruction* model,
-           std::span<const GroupMeasurement> measurements, const RoundLog& log)
+           std::span<const GroupMeasurement> measurements, const RoundLog& log,
+           const NoiseSigmas& known = {})
       : options_(options),
         solver_options_(solver_options),
         selection_(selection),
         model_(*model),
         measurements_(measurements),
         log_(log),
-        scales_(options_) {}
+        scales_(options_, known) {}
 
   BundleSummary Run() {
     const std::vector<double> start = Build().problem.state();
@@ -106,7 +107,7 @@ class Adjuster {
     BundleOptions points_only = options_;
     points_only.config = BundleConfig::kPoint;
     BundleProblem bundle =
-        BuildProblem(model_, points_only, WithoutPointsOfStructure(options_, selection_));
+        BuildProblem(model_, points_only, WithoutPointsOfStructure(model_, selection_));
     AnnealAndSolve(solver_options_, &bundle.problem);
     if (stopped_) return;
     reference_ = CameraReference::Of(bundle, solver_options_.num_threads, &workspace_);
@@ -259,6 +260,7 @@ class Adjuster {
 // Estimates what the configuration left out, with everything that took part held: first lines on
 // their own, then groups on the features as they are.
 void RefitOthers(BundleOptions options, SolverOptions solver_options, BundleSelection selection,
+                 const NoiseSigmas& known,
                  Reconstruction* model) {
   const bool lines =
       options.config < BundleConfig::kPointLine && !model->lines3D.empty() && !options.fix_lines;
@@ -269,12 +271,12 @@ void RefitOthers(BundleOptions options, SolverOptions solver_options, BundleSele
   selection.HoldPoints();
   if (lines) {
     options.config = BundleConfig::kPointLine;
-    Adjuster(options, solver_options, selection, model, {}, {}).Run();
+    Adjuster(options, solver_options, selection, model, {}, {}, known).Run();
   }
   if (groups) {
     options.config = BundleConfig::kGroups;
     selection.HoldLines();
-    Adjuster(options, solver_options, selection, model, {}, {}).Run();
+    Adjuster(options, solver_options, selection, model, {}, {}, known).Run();
   }
 }
 
@@ -282,14 +284,14 @@ void RefitOthers(BundleOptions options, SolverOptions solver_options, BundleSele
 
 BundleSummary AdjustBundle(const BundleOptions& given, const SolverOptions& solver_options,
                            Reconstruction* model, std::span<const GroupMeasurement> measurements,
-                           const RoundLog& log) {
+                           const RoundLog& log, const NoiseSigmas& known) {
   const Timer timer;
   BundleOptions options = given;
   options.SetDefaultLosses(false);
   const BundleSelection selection = BundleSelection::Everything(*model, options);
   BundleSummary summary =
-      Adjuster(options, solver_options, selection, model, measurements, log).Run();
-  if (options.refit_others) RefitOthers(options, solver_options, selection, model);
+      Adjuster(options, solver_options, selection, model, measurements, log, known).Run();
+  if (options.refit_others) RefitOthers(options, solver_options, selection, known, model);
   UpdateErrors(model);
   summary.solver.total_seconds = timer.Seconds();
   return summary;

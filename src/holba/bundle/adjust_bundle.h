@@ -24,7 +24,7 @@ struct BundleSummary {
   // Scale of the loss of each term where it was `auto`, after the last round, and the robust
   // standard deviation of its residuals then; in the unit of the term: px, or the sine of an angle.
   std::map<std::string, double> auto_scales;
-  std::map<std::string, double> auto_sigmas;
+  NoiseSigmas auto_sigmas;
   int rounds = 0;  // of solving
   // What the gate found in its last round; empty if there was nothing to test or it was off.
   std::map<std::string, AssociationCount> associations;
@@ -48,11 +48,12 @@ using RoundLog = std::function<void(const std::string&)>;
 // and lines alone, then rounds of testing the associations and adjusting all of it with those that
 // passed (membership in the model does not change). Losses `auto` are annealed: rounds of Cauchy
 // whose scale halves down to options.auto_num_sigmas robust standard deviations, measured anew
-// after every round; the last round runs to convergence. The model must be consistent.
+// after every round; the last round runs to convergence. `known`: BundleSummary::auto_sigmas of an earlier
+// adjustment of these features, whose terms need no annealing. The model must be consistent.
 BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& solver_options,
                            Reconstruction* model,
                            std::span<const GroupMeasurement> measurements = {},
-                           const RoundLog& log = {});
+                           const RoundLog& log = {}, const NoiseSigmas& known = {});
 
 // Number of residuals and sum of squares of every term of FORMAT.md at the model as it stands (all
 // eight, also the empty ones), then those of measurements if given.

@@ -379,7 +379,7 @@ TEST(StructurePoints, AreWeighedByTheirOwnNoise) {
   Random random(5);
   for (auto& [id, point] : scene.perturbed.points3D) {
     if (id % 3 != 0) continue;
-    options.points_of_structure.insert(id);
+    point.origin = PointOrigin::kCorner;
     for (const PointObservation& o : point.track) {
       Eigen::Vector2d& xy = scene.perturbed.images.at(o.image_id).points2D[o.point2D_idx].xy;
       const double dx = random.Normal(4.0), dy = random.Normal(4.0);
@@ -394,7 +394,7 @@ TEST(StructurePoints, AreWeighedByTheirOwnNoise) {
   EXPECT_NEAR(summary.structure_point_weight_factor, 1.0 / (4.1 * 4.1), 0.03);
   EXPECT_TRUE(summary.camera_shift_sigmas.has_value());
 
-  options.points_of_structure.clear();
+  for (auto& [id, point] : unaware.points3D) point.origin = PointOrigin::kDetected;
   const BundleSummary plain = AdjustBundle(options, {}, &unaware);
   EXPECT_EQ(plain.structure_point_weight_factor, 1.0);
   EXPECT_FALSE(plain.auto_sigmas.contains("structure_point"));
@@ -409,8 +409,7 @@ TEST(Losses, AutoNeedNoAnnealingWhereTheNoiseIsKnown) {
   options.refit_others = false;
   const BundleSummary annealed = AdjustBundle(options, {}, &first);
   Reconstruction again = first;
-  options.known_auto_sigmas = annealed.auto_sigmas;
-  const BundleSummary known = AdjustBundle(options, {}, &again);
+  const BundleSummary known = AdjustBundle(options, {}, &again, {}, {}, annealed.auto_sigmas);
   EXPECT_EQ(known.rounds, 1);
   EXPECT_LT(known.solver.iterations, annealed.solver.iterations / 4);
   EXPECT_NEAR(known.auto_scales.at("point"), annealed.auto_scales.at("point"),

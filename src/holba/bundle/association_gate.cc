@@ -110,9 +110,7 @@ class Tester {
     const Problem& problem = features.problem;
     std::unordered_map<BlockId, Eigen::Matrix3d> point_information;
     std::unordered_map<BlockId, Eigen::Matrix4d> line_information;
-    size_t num_of_structure = 0;
-    for (const auto& [id, block] : features.points)
-      num_of_structure += features.points_of_structure.contains(id);
+    const size_t num_of_structure = features.num_points_of_structure;
     AddInformation<3>(
         problem, "point",
         NoisePx(problem, "point", 2, 3.0 * (features.points.size() - num_of_structure)),

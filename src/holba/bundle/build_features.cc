@@ -23,7 +23,8 @@ void ProblemBuilder::AddPoints() {
   RecordWalk records(model_.points3D);
   for (const auto& selected : selection_.points) {
     const Point3D& point = records.At(selected.id);
-    const bool of_structure = options_.points_of_structure.contains(selected.id);
+    const bool of_structure = IsOfStructure(point.origin);
+    out_.num_points_of_structure += of_structure;
     const BlockId block = problem_.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature,
                                             {point.xyz.data(), 3});
     problem_.block(block).constant = selected.constant || !SeenInTwoImages(point.track);

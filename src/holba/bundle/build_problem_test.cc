@@ -108,12 +108,11 @@ TEST(BuildProblem, HasTheResidualsThatTheFormatCounts) {
 }
 
 TEST(BuildProblem, CountsPointsOfStructureInATermOfTheirOwn) {
-  const SmallScene scene;
-  const point3D_t id = scene.model().points3D.begin()->first;
-  const size_t observations = scene.model().points3D.at(id).track.size();
-  BundleOptions options;
-  options.points_of_structure = {id};
-  const BundleProblem bundle = BuildProblem(scene.model(), options);
+  Reconstruction model = SmallScene().model();
+  Point3D& point = model.points3D.begin()->second;
+  const size_t observations = point.track.size();
+  point.origin = PointOrigin::kJunction;
+  const BundleProblem bundle = BuildProblem(model, BundleOptions());
   std::map<std::string, size_t> counts;
   for (const auto& batch : bundle.problem.batches()) counts[batch->term()] += batch->size();
   EXPECT_EQ(counts.at("structure_point"), observations);

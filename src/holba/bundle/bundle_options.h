@@ -4,9 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -32,7 +30,9 @@ enum class LossChoice { kTrivial, kHuber, kSoftL1, kCauchy, kAuto };
 enum class TermFamily { kPoint, kLine, kGroup, kVp, kWireframe, kRelation, kMeasurement };
 inline constexpr int kNumTermFamilies = 7;
 // The terms of FORMAT.md, in its order, then those beside it: measurements of groups, points that
-// were made with structure, and the 3D forms.
+// were made from structure or with it (IsOfStructure: they have a noise of their own, by which they are
+// weighed where the loss is `auto`; and like lines they are compared with the points alone), and the
+// 3D forms.
 struct Term {
   std::string_view name;
   TermFamily family;
@@ -90,10 +90,6 @@ struct BundleOptions {
   // Its annealing starts at this multiple of the goal and halves: wide enough to keep what the start
   // has wrong.
   double auto_start_multiple = 8.0;
-  // Standard deviations by term that an earlier adjustment of these features measured
-  // (BundleSummary::auto_sigmas): the losses `auto` of these terms start at their goals instead of
-  // being annealed from far. Empty: nothing is known.
-  std::map<std::string, double> known_auto_sigmas;
 
   // Associations that contradict the features as seen take no part (association_gate.h), tested
   // anew in each round.
@@ -106,10 +102,6 @@ struct BundleOptions {
   // the points moves them by one at most on average, for it only adds to what is known (Hausman
   // 1978); the rest is for standard deviations that call the points' errors independent.
   double max_camera_shift_sigmas = 2.0;
-  // Points that were made from structure or with it (junctions, corners). Their residuals are a
-  // term of their own, `structure_point`: with a noise of their own, by which they are weighed
-  // where the loss is `auto`; and like lines they are compared with the points alone.
-  std::set<point3D_t> points_of_structure;
 
   bool refine_focal_length = true;
   bool refine_principal_point = false;

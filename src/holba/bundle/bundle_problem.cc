@@ -6,7 +6,6 @@
 namespace holba {
 
 void ProblemBuilder::Build(std::span<const GroupMeasurement> measurements) {
-  out_.points_of_structure = options_.points_of_structure;
   AddPosesAndCameras();
   AddPoints();
   if (options_.config >= BundleConfig::kPointLine) AddLines();

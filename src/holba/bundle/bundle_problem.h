@@ -24,7 +24,7 @@ struct BundleProblem {
   std::vector<std::pair<frame_t, BlockId>> poses;
   std::vector<std::pair<camera_t, BlockId>> cameras;
   std::vector<std::pair<point3D_t, BlockId>> points;
-  std::set<point3D_t> points_of_structure;  // of the options
+  size_t num_points_of_structure = 0;  // among the points (IsOfStructure)
   std::vector<std::pair<line3D_t, BlockId>> lines;
   std::vector<std::pair<group3D_t, BlockId>> groups;
   // Sensor poses that residuals point to.

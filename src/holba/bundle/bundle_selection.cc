@@ -234,9 +234,9 @@ bool BundleSelection::HasVariableFrame() const {
   return std::any_of(frames.begin(), frames.end(), [](const auto& f) { return !f.constant; });
 }
 
-BundleSelection WithoutPointsOfStructure(const BundleOptions& options, BundleSelection selection) {
+BundleSelection WithoutPointsOfStructure(const Reconstruction& model, BundleSelection selection) {
   std::erase_if(selection.points, [&](const auto& point) {
-    return options.points_of_structure.contains(point.id);
+    return IsOfStructure(model.points3D.at(point.id).origin);
   });
   return selection;
 }

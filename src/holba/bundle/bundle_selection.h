@@ -71,7 +71,7 @@ struct BundleSelection {
 };
 
 // Without the points that were made from structure: what points alone say.
-BundleSelection WithoutPointsOfStructure(const BundleOptions& options, BundleSelection selection);
+BundleSelection WithoutPointsOfStructure(const Reconstruction& model, BundleSelection selection);
 
 // Images of the frames of a selection, in the order of the model.
 std::vector<std::pair<image_t, const Image*>> ImagesOf(const Reconstruction& model,

@@ -51,8 +51,8 @@ double RobustSigma(const Problem& problem, const std::string& term) {
   return kSigmaPerMedian * Median(&values);
 }
 
-AutoScales::AutoScales(const BundleOptions& options)
-    : options_(options), sigmas_(options.known_auto_sigmas) {
+AutoScales::AutoScales(const BundleOptions& options, const NoiseSigmas& known)
+    : options_(options), sigmas_(known) {
   for (const auto& [term, sigma] : sigmas_) scales_[term] = GoalOf(term, sigma);
 }
 

@@ -20,13 +20,17 @@ Loss ToLoss(const TermSettings& settings);
 // not count); of lines: of the distances of single end points. 0 without residuals.
 double RobustSigma(const Problem& problem, const std::string& term);
 
+// Robust standard deviation of the residuals of a term, by its name, in its unit.
+using NoiseSigmas = std::map<std::string, double>;
+
 // Terms whose loss scale is measured, and the weight of angular terms, which follows the noise in
 // pixels: cost in px^2 is noise^2 times a chi-square, so a variance in an angle needs that factor
 // to weigh what it says. Scales outlive a problem: the next one begins where the last one ended.
 class AutoScales {
  public:
-  // The options must outlive this.
-  explicit AutoScales(const BundleOptions& options);
+  // `known`: standard deviations that an earlier adjustment of these features measured; the scales of their
+  // terms start at their goals instead of being annealed from far. The options must outlive this.
+  explicit AutoScales(const BundleOptions& options, const NoiseSigmas& known = {});
 
   // Sets the losses and weights of a new problem. True: some scale is new and has to be annealed.
   bool Begin(const Problem& problem);

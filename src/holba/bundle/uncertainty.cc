@@ -96,7 +96,7 @@ std::optional<ModelUncertainty> EstimateUncertainty(
     // What contradicts the points does not make the cameras surer.
     BundleOptions points_only = options;
     points_only.config = BundleConfig::kPoint;
-    if (!AddCovariances(model, points_only, WithoutPointsOfStructure(options, selection), summary,
+    if (!AddCovariances(model, points_only, WithoutPointsOfStructure(model, selection), summary,
                         {}, num_threads, &result))
       return std::nullopt;
     selection.HoldCameras();

@@ -25,6 +25,12 @@ std::vector<fs::path> RealModels() {
   return models;
 }
 
+// Models of other programs and inputs of reported faults, some of which contradict themselves.
+bool MayBeRefused(const fs::path& path) {
+  const std::string folder = fs::relative(path, DataFolder()).begin()->string();
+  return folder == "models_other" || folder == "reports";
+}
+
 // Without comments: they hold ratios that others write with fewer digits.
 std::string Records(const std::string& bytes) {
   if (!bytes.starts_with('#')) return bytes;
@@ -43,9 +49,16 @@ TEST(RealModels, AreConsistentAndSurviveBothFormatsBitForBit) {
   EXPECT_GE(models.size(), 20u);
   for (const fs::path& path : models) {
     SCOPED_TRACE(path.string());
-    const Reconstruction model = ReadModel(path);
+    Reconstruction model;
+    try {
+      model = ReadModel(path);
+    } catch (const InputError& error) {
+      EXPECT_TRUE(MayBeRefused(path)) << error.what();
+      EXPECT_THAT(error.what(), testing::HasSubstr(path.string()));
+      continue;
+    }
     EXPECT_EQ(model.FindInconsistency(), std::nullopt);
-    EXPECT_FALSE(model.images.empty());
+    EXPECT_TRUE(!model.images.empty() || MayBeRefused(path));
     num_holistic += model.lines3D.empty() ? 0 : 1;
     const std::string fingerprint = Fingerprint(model);
     const TestFolder folder;
@@ -56,7 +69,7 @@ TEST(RealModels, AreConsistentAndSurviveBothFormatsBitForBit) {
     // What COLMAP wrote in binary, and the study of FORMAT.md in text, comes out byte for byte, but
     // for comments.
     const ModelFormat format = *FindModelFormat(path);
-    if (format == ModelFormat::kText && path.filename() != "holistic") continue;
+    if ((format == ModelFormat::kText && path.filename() != "holistic") || MayBeRefused(path)) continue;
     WriteModel(model, folder / "m", format);
     for (const std::string& name : ListFolder(folder / "m")) {
       if (name == "holistic.json") continue;  // JSON may be spelt in many ways

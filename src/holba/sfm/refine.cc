@@ -36,7 +36,6 @@ class Refiner {
   RefineReport Run(const LineMatcher& match_lines, const RegionObserver& observe_regions) {
     const Timer timer;
     RemoveStructure(&model_);
-    for (const auto& [id, point] : model_.points3D) given_points_.insert(id);
     AdjustPoints();
     const double points_seconds = timer.Seconds();
 
@@ -45,9 +44,6 @@ class Refiner {
     report_.structure = BuildStructure(options_.structure, features_, &matches, observe_regions,
                                        options_.solver.num_threads, &model_);
     report_.structure_seconds = structure_timer.Seconds();
-    for (const auto& [id, point] : model_.points3D) {
-      if (!given_points_.contains(id)) bundle_.points_of_structure.insert(id);
-    }
 
     const Timer adjust_timer;
     for (int round = 0; round < options_.num_rounds; ++round) {
@@ -80,7 +76,7 @@ class Refiner {
     // The given points were not: COLMAP's own last adjustment follows what is wrong.
     options.auto_start_multiple = BundleOptions().auto_start_multiple;
     report_.points_alone = AdjustBundle(options, options_.solver, &model_);
-    bundle_.known_auto_sigmas = report_.points_alone.auto_sigmas;
+    known_sigmas_ = report_.points_alone.auto_sigmas;
     Log(fmt::format("Points alone: sigma {:.3f} px", SigmaPx(report_.points_alone, "point", 0.0)));
   }
 
@@ -114,9 +110,9 @@ class Refiner {
         {.keep_point = {}, .keep_line = {}, .keep_group = [](group3D_t, const Group3D& group) {
            return IsSupported(group);
          }});
-    report_.stage1 = AdjustBundle(bundle_, solver, &part, {}, log_);
+    report_.stage1 = AdjustBundle(bundle_, solver, &part, {}, log_, known_sigmas_);
     CopyValues(part, &model_);
-    bundle_.known_auto_sigmas = report_.stage1.auto_sigmas;
+    known_sigmas_ = report_.stage1.auto_sigmas;
     Reject(report_.stage1.filter);
   }
 
@@ -139,7 +135,7 @@ class Refiner {
     BundleOptions options = bundle_;
     options.HoldCameras();
     options.fix_groups = true;
-    report_.stage2 = AdjustBundle(options, options_.solver, &part, {}, log_);
+    report_.stage2 = AdjustBundle(options, options_.solver, &part, {}, log_, known_sigmas_);
     CopyValues(part, &model_);
     AssociationFilter filter = report_.stage2.filter;
     // The group is judged by its reliable members, in stage 1.
@@ -201,7 +197,7 @@ class Refiner {
   Reconstruction& model_;
   const std::function<void(const std::string&)>& log_;
   BundleOptions bundle_;
-  std::set<point3D_t> given_points_;
+  NoiseSigmas known_sigmas_;  // of the last adjustment of points and lines that move cameras
   RefineReport report_;
 };
 

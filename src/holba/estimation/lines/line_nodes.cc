@@ -551,12 +551,12 @@ class Placer {
 
   const LineOptions& options_;
   const LineScene& scene_;
+  const std::vector<Adjacency>* adjacency_;  // to each neighbour; null: not guided
   const uint32_t view_idx_;
   const SceneView& view_;
   const double min_sine_;
   std::vector<Eigen::Matrix3d> fundamental_;  // to each neighbour
   std::vector<std::vector<double>> heights_;
-  const std::vector<Adjacency>* adjacency_;  // to each neighbour; null: not guided
 
   // Of the segment at hand.
   SegmentPlane plane_;
