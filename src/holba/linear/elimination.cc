@@ -208,8 +208,8 @@ Columns CountColumns(const Graph& graph, std::vector<int> order) {
   return columns;
 }
 
-// What a search by METIS costs, in operations of a factorisation: it is made where a few
-// factorisations with half the operations repay it.
+// Cost of a search by METIS in operations of a factorisation. The search is made where ten
+// factorisations with half the operations would repay it.
 double NestedDissectionCost(const Graph& graph) {
   constexpr double kFlopsPerEdge = 20e3;
   constexpr double kFlopsPerNode = 100e3;
@@ -236,8 +236,8 @@ Columns ChooseOrder(const Graph& graph, Ordering ordering) {
   return best.order.empty() || other.flops < best.flops ? other : best;
 }
 
-// Nanoseconds, roughly, of a front with what belongs to it: products, assembly, latencies. The best
-// choice of fronts is flat in these numbers.
+// Approximate time of a front in nanoseconds: products, assembly, latencies. The choice of fronts
+// hardly depends on these numbers.
 double FrontCost(double width, double height) {
   constexpr double kPerFlop = 0.02;
   constexpr double kPerAssembledEntry = 0.3;
@@ -250,128 +250,150 @@ double FrontCost(double width, double height) {
          0.5 * kPerEntry * (w + u) * (w + u) + kPerColumn * w + kPerFront;
 }
 
-}  // namespace
+// Fronts of the elimination before they are numbered.
+struct Fronts {
+  std::vector<int> of_column;  // front of each column
+  std::vector<int> width, height, last_column, parent;
+  std::vector<int> merged_into;  // -1: it stays
 
-std::shared_ptr<const Elimination> PlanElimination(const BlockPattern& pattern, Ordering ordering) {
-  const Graph graph = GraphOf(pattern);
-  const int n = graph.num_nodes();
-  const Columns columns = ChooseOrder(graph, ordering);
+  int size() const { return static_cast<int>(width.size()); }
+};
+
+// A front for each run of columns with the same rows below them.
+Fronts FindFronts(const BlockPattern& pattern, const Columns& columns) {
+  Fronts fronts;
+  const int n = static_cast<int>(columns.order.size());
   const auto width = [&](int k) { return pattern.widths[columns.order[k]]; };
-
-  // Columns of the same structure, then fronts that are cheaper as one with their parent.
-  std::vector<int> front_of(n);
-  std::vector<int> front_width, front_height, front_last;
+  fronts.of_column.resize(n);
   for (int k = 0; k < n; ++k) {
     const bool joins = k > 0 && columns.parent[k - 1] == k &&
                        columns.height[k - 1] - width(k - 1) == columns.height[k];
     if (!joins) {
-      front_width.push_back(0);
-      front_height.push_back(columns.height[k]);
-      front_last.push_back(k);
+      fronts.width.push_back(0);
+      fronts.height.push_back(columns.height[k]);
+      fronts.last_column.push_back(k);
     }
-    front_of[k] = static_cast<int>(front_width.size()) - 1;
-    front_width.back() += width(k);
-    front_last.back() = k;
+    fronts.of_column[k] = fronts.size() - 1;
+    fronts.width.back() += width(k);
+    fronts.last_column.back() = k;
   }
-  const int num_fronts = static_cast<int>(front_width.size());
-  std::vector<int> front_parent(num_fronts, -1), merged_into(num_fronts, -1);
-  std::vector<std::vector<int>> children(num_fronts);
-  for (int f = 0; f < num_fronts; ++f) {
-    const int above = columns.parent[front_last[f]];
-    if (above == -1) continue;
-    front_parent[f] = front_of[above];
-    children[front_of[above]].push_back(f);
+  fronts.parent.assign(fronts.size(), -1);
+  fronts.merged_into.assign(fronts.size(), -1);
+  for (int f = 0; f < fronts.size(); ++f) {
+    const int above = columns.parent[fronts.last_column[f]];
+    if (above != -1) fronts.parent[f] = fronts.of_column[above];
   }
-  for (int p = 0; p < num_fronts; ++p) {
-    // The children that reach most of the parent first; of equal ones the later.
-    std::vector<int> order = children[p];
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-      return front_height[a] - front_width[a] > front_height[b] - front_width[b];
-    });
-    for (int c : order) {
-      const int merged_width = front_width[c] + front_width[p];
-      const int merged_height = front_width[c] + front_height[p];
-      if (FrontCost(merged_width, merged_height) >
-          FrontCost(front_width[c], front_height[c]) + FrontCost(front_width[p], front_height[p])) {
-        continue;
-      }
-      merged_into[c] = p;
-      front_width[p] = merged_width;
-      front_height[p] = merged_height;
-    }
-  }
-  for (int f = num_fronts - 1; f >= 0; --f) {  // parents first
-    if (merged_into[f] != -1 && merged_into[merged_into[f]] != -1) {
-      merged_into[f] = merged_into[merged_into[f]];
-    }
-    if (front_parent[f] != -1 && merged_into[front_parent[f]] != -1) {
-      front_parent[f] = merged_into[front_parent[f]];
-    }
-  }
+  return fronts;
+}
 
-  // Number what is left, children first, and its nodes in the order they had.
-  std::vector<int> kept, rank(num_fronts, -1), kept_parent;
-  for (int f = 0; f < num_fronts; ++f) {
-    if (merged_into[f] != -1) continue;
+// Merges fronts into their parents where one front costs less than two.
+void MergeFronts(Fronts* fronts) {
+  std::vector<int>&width = fronts->width, &height = fronts->height;
+  std::vector<std::vector<int>> children(fronts->size());
+  for (int f = 0; f < fronts->size(); ++f) {
+    if (fronts->parent[f] != -1) children[fronts->parent[f]].push_back(f);
+  }
+  for (int p = 0; p < fronts->size(); ++p) {
+    // The children that reach most of the parent first; of equal ones the earlier.
+    std::vector<int> order = children[p];
+    std::stable_sort(order.begin(), order.end(),
+                     [&](int a, int b) { return height[a] - width[a] > height[b] - width[b]; });
+    for (int c : order) {
+      const int merged_width = width[c] + width[p];
+      const int merged_height = width[c] + height[p];
+      if (FrontCost(merged_width, merged_height) >
+          FrontCost(width[c], height[c]) + FrontCost(width[p], height[p]))
+        continue;
+      fronts->merged_into[c] = p;
+      width[p] = merged_width;
+      height[p] = merged_height;
+    }
+  }
+  std::vector<int>&merged_into = fronts->merged_into, &parent = fronts->parent;
+  for (int f = fronts->size() - 1; f >= 0; --f) {  // parents first
+    if (merged_into[f] != -1 && merged_into[merged_into[f]] != -1)
+      merged_into[f] = merged_into[merged_into[f]];
+    if (parent[f] != -1 && merged_into[parent[f]] != -1) parent[f] = merged_into[parent[f]];
+  }
+}
+
+// Numbers the remaining fronts as supernodes, children first; the nodes of each keep their order.
+void NumberSupernodes(const Columns& columns, const Fronts& fronts, Elimination* out) {
+  std::vector<int> kept, rank(fronts.size(), -1), kept_parent;
+  for (int f = 0; f < fronts.size(); ++f) {
+    if (fronts.merged_into[f] != -1) continue;
     rank[f] = static_cast<int>(kept.size());
     kept.push_back(f);
   }
-  for (int f : kept) kept_parent.push_back(front_parent[f] == -1 ? -1 : rank[front_parent[f]]);
+  for (int f : kept)
+    kept_parent.push_back(fronts.parent[f] == -1 ? -1 : rank[fronts.parent[f]]);
   const std::vector<int> post = Postorder(kept_parent);
   const std::vector<int> supernode_of_kept = Inverse(post);
   const int num_supernodes = static_cast<int>(kept.size());
   std::vector<std::vector<int>> members(num_supernodes);
-  for (int k = 0; k < n; ++k) {
-    const int f = front_of[k];
-    const int owner = merged_into[f] == -1 ? f : merged_into[f];
+  for (size_t k = 0; k < columns.order.size(); ++k) {
+    const int f = fronts.of_column[k];
+    const int owner = fronts.merged_into[f] == -1 ? f : fronts.merged_into[f];
     members[supernode_of_kept[rank[owner]]].push_back(columns.order[k]);
   }
-  auto result = std::make_shared<Elimination>();
-  result->flops = columns.flops;
-  result->begin.push_back(0);
+  out->begin.push_back(0);
   for (int s = 0; s < num_supernodes; ++s) {
     const int old_parent = kept_parent[post[s]];
-    result->parent.push_back(old_parent == -1 ? -1 : supernode_of_kept[old_parent]);
-    result->node_at.insert(result->node_at.end(), members[s].begin(), members[s].end());
-    result->begin.push_back(static_cast<int>(result->node_at.size()));
+    out->parent.push_back(old_parent == -1 ? -1 : supernode_of_kept[old_parent]);
+    out->node_at.insert(out->node_at.end(), members[s].begin(), members[s].end());
+    out->begin.push_back(static_cast<int>(out->node_at.size()));
   }
-  result->position = Inverse(result->node_at);
-  result->first_descendant.resize(num_supernodes);
-  std::iota(result->first_descendant.begin(), result->first_descendant.end(), 0);
+  out->position = Inverse(out->node_at);
+  out->first_descendant.resize(num_supernodes);
+  std::iota(out->first_descendant.begin(), out->first_descendant.end(), 0);
   for (int s = 0; s < num_supernodes; ++s) {
-    const int p = result->parent[s];
+    const int p = out->parent[s];
     if (p == -1) continue;
     HOLBA_CHECK(p > s);
-    result->first_descendant[p] =
-        std::min(result->first_descendant[p], result->first_descendant[s]);
+    out->first_descendant[p] = std::min(out->first_descendant[p], out->first_descendant[s]);
   }
+}
 
-  // Rows: the node's own neighbours and what the children hand up.
-  std::vector<int> mark(n, -1), rows;
-  std::vector<std::vector<int>> supernode_children(num_supernodes);
-  result->row_begin.push_back(0);
+// The rows of each supernode: the neighbours of its nodes and the rows of its children.
+void FindRows(const Graph& graph, Elimination* out) {
+  const int num_supernodes = out->num_supernodes();
+  std::vector<int> mark(graph.num_nodes(), -1), rows;
+  std::vector<std::vector<int>> children(num_supernodes);
+  out->row_begin.push_back(0);
   for (int s = 0; s < num_supernodes; ++s) {
     rows.clear();
-    const int end = result->begin[s + 1];
+    const int end = out->begin[s + 1];
     const auto add = [&](int position) {
       if (position < end || mark[position] == s) return;
       mark[position] = s;
       rows.push_back(position);
     };
-    for (int k = result->begin[s]; k < end; ++k) {
-      const int node = result->node_at[k];
-      for (int e = graph.begin[node]; e < graph.begin[node + 1]; ++e) {
-        add(result->position[graph.neighbour[e]]);
-      }
+    for (int k = out->begin[s]; k < end; ++k) {
+      const int node = out->node_at[k];
+      for (int e = graph.begin[node]; e < graph.begin[node + 1]; ++e)
+        add(out->position[graph.neighbour[e]]);
     }
-    for (int c : supernode_children[s]) {
-      for (size_t i = result->row_begin[c]; i < result->row_begin[c + 1]; ++i) add(result->row[i]);
+    for (int c : children[s]) {
+      for (size_t i = out->row_begin[c]; i < out->row_begin[c + 1]; ++i) add(out->row[i]);
     }
     std::sort(rows.begin(), rows.end());
-    result->row.insert(result->row.end(), rows.begin(), rows.end());
-    result->row_begin.push_back(result->row.size());
-    if (result->parent[s] != -1) supernode_children[result->parent[s]].push_back(s);
+    out->row.insert(out->row.end(), rows.begin(), rows.end());
+    out->row_begin.push_back(out->row.size());
+    if (out->parent[s] != -1) children[out->parent[s]].push_back(s);
   }
+}
+
+}  // namespace
+
+std::shared_ptr<const Elimination> PlanElimination(const BlockPattern& pattern, Ordering ordering) {
+  const Graph graph = GraphOf(pattern);
+  const Columns columns = ChooseOrder(graph, ordering);
+  Fronts fronts = FindFronts(pattern, columns);
+  MergeFronts(&fronts);
+  auto result = std::make_shared<Elimination>();
+  result->flops = columns.flops;
+  NumberSupernodes(columns, fronts, result.get());
+  FindRows(graph, result.get());
   return result;
 }
 

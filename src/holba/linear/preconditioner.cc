@@ -23,9 +23,11 @@ constexpr int kMaxWidth = BlockPattern::kMaxWidth;
 constexpr size_t kNoBlock = std::numeric_limits<size_t>::max();
 constexpr size_t kNodesPerTask = 256;
 constexpr size_t kArmsPerChunk = 256;
-// Their rows of a Schur complement of 2000 unknowns stay in the second level of cache.
+// Rows of the Schur complement that one task computes: with 2000 unknowns they fit into the second
+// level of cache.
 constexpr int kUnknownsPerTask = 32;
-// A sparse factor of the Schur complement has to be worth its slower operations.
+// The sparse factor of the Schur complement is used if its operations, which are slower, are fewer
+// than this share of the dense ones.
 constexpr double kSparseAdvantage = 0.3;
 
 size_t NumTasks(size_t size, size_t per_task) { return (size + per_task - 1) / per_task; }
@@ -71,8 +73,8 @@ void InvertFactorised(int width, const double* scale, SmallMatrix* L, double* in
   }
 }
 
-// The inverse of a block of stride PaddedWidth(width), repaired if need be as Set() says. False: it
-// was.
+// The inverse of a block of stride PaddedWidth(width). A block that is not positive definite is
+// repaired as Set says; then false.
 bool InvertBlock(const double* block, int width, double* inverse) {
   const int stride = PaddedWidth(width);
   std::array<double, kMaxWidth> scale;
@@ -82,7 +84,7 @@ bool InvertBlock(const double* block, int width, double* inverse) {
     if (!(diagonal > 0.0) || !std::isfinite(diagonal)) {
       intact = false;
       diagonal = std::isfinite(diagonal) && diagonal != 0.0 ? -diagonal : 1.0;
-      scale[i] = -1.0 / std::sqrt(diagonal);  // the sign marks it until its row is cut off
+      scale[i] = -1.0 / std::sqrt(diagonal);  // the sign marks the row, which is set to zero below
     } else {
       scale[i] = 1.0 / std::sqrt(diagonal);
     }
@@ -103,8 +105,7 @@ bool InvertBlock(const double* block, int width, double* inverse) {
   if (finite) {
     while (!FactoriseSmall(scaled, width, shift, &factor)) {
       intact = false;
-      // Shifts beyond the entries of any matrix that was meant to be definite: its diagonal is all
-      // that can be trusted.
+      // No matrix that was meant to be definite needs so large a shift: only its diagonal is used.
       shift = shift == 0.0 ? 1e-10 : 100.0 * shift;
       if (shift > 1e4) {
         finite = false;
@@ -121,7 +122,7 @@ bool InvertBlock(const double* block, int width, double* inverse) {
   return intact;
 }
 
-// z = inverse r; a width known at compile time is several times as fast.
+// z = inverse r. A width that is known at compile time makes it several times faster.
 template <int kWidth>
 void MultiplySmall(const double* inverse, int width, const double* r, double* z) {
   const int w = kWidth > 0 ? kWidth : width;
@@ -256,7 +257,8 @@ void BorderPreconditioner::ChooseCore(int first_border_node, const BorderOptions
 
 void BorderPreconditioner::FindArms() {
   const int num_nodes = pattern_->num_nodes();
-  // Rows ascend, and columns in a row: for each core node its leaves ascend below it, then above.
+  // Rows and the columns in a row ascend, so the leaves of each core node do: first those before
+  // it, then those after it.
   std::vector<std::vector<Arm>> arms_of_core(core_.size());
   for (int a = 0; a < num_nodes; ++a) {
     for (size_t k = pattern_->row_start[a]; k + 1 < pattern_->row_start[a + 1]; ++k) {
@@ -449,8 +451,8 @@ void BorderPreconditioner::ComputeSchurRows(const BlockMatrix& S, size_t task) {
 }
 
 bool BorderPreconditioner::FactoriseSchur(const BlockMatrix& S) {
-  // Squares of what E is multiplied by. The complement at each is a combination of the one before
-  // and C, so that no second copy is kept.
+  // Squares of the factors of E that are tried. The complement of each is a combination of the one
+  // before and C, so that no second copy is needed.
   constexpr double kSquaredCouplings[] = {1.0, 0.9, 0.5, 0.0};
   double squared = 1.0;
   for (const double next : kSquaredCouplings) {
@@ -464,7 +466,7 @@ bool BorderPreconditioner::FactoriseSchur(const BlockMatrix& S) {
           double* block = schur_.Block(k);
           const double* whole = core_block_[k] == kNoBlock ? nullptr : S.Block(core_block_[k]);
           for (size_t i = 0; i < size; ++i) {
-            // At 0 whatever was there before, even if it was not finite, is gone.
+            // At 0 nothing of the block before remains, even if it was not finite.
             const double from_block = kept > 0.0 ? kept * block[i] : 0.0;
             block[i] = from_block + (whole != nullptr ? (1.0 - kept) * whole[i] : 0.0);
           }
@@ -493,47 +495,50 @@ void BorderPreconditioner::Set(const BlockMatrix& S) {
 }
 
 void BorderPreconditioner::Apply(const double* r, double* z) {
-  if (!core_solved_) {
+  if (core_solved_) {
+    ReduceToCore(r);
+    // A complement so close to singular that the solution overflows is as useless as an indefinite
+    // one.
+    core_solved_ = solver_->Solve(core_r_.data(), core_z_.data());
+    if (!core_solved_) coupling_ = 0.0;
+  }
+  if (core_solved_) {
+    SubstituteToLeaves(r, z);
+  } else {
     diagonal_.Apply(r, z);
-    return;
   }
-  // Core: z_C = schur^-1 (r_C - E^T D^-1 r_D).
-  if (coupling_ > 0.0) {
-    ParallelTasks(num_threads_, chunks_.size(), [&](size_t c) {
-      const Chunk& chunk = chunks_[c];
-      const int width = core_pattern_.widths[chunk.core], padded = PaddedWidth(width);
-      double sums[kMaxWidth] = {};
-      for (size_t a = chunk.begin; a < chunk.end; ++a) {
-        const double* column = arm_values_.data() + arms_[a].begin;
-        const double* r_leaf = r + pattern_->offset[arms_[a].leaf];
-        for (int j = 0; j < pattern_->widths[arms_[a].leaf]; ++j, column += padded) {
-          for (int i = 0; i < width; ++i) sums[i] += column[i] * r_leaf[j];
-        }
-      }
-      std::copy_n(sums, width, chunk_sums_.data() + c * kMaxWidth);
-    });
-  }
+}
+
+// core_r_ = r_C - E^T D^-1 r_D.
+void BorderPreconditioner::ReduceToCore(const double* r) {
   for (size_t core = 0; core < core_.size(); ++core) {
     std::copy_n(r + pattern_->offset[core_[core]], core_pattern_.widths[core],
                 core_r_.data() + core_pattern_.offset[core]);
   }
-  if (coupling_ > 0.0) {
-    for (size_t c = 0; c < chunks_.size(); ++c) {
-      double* core_r = core_r_.data() + core_pattern_.offset[chunks_[c].core];
-      for (int i = 0; i < core_pattern_.widths[chunks_[c].core]; ++i) {
-        core_r[i] -= coupling_ * chunk_sums_[c * kMaxWidth + i];
+  if (!(coupling_ > 0.0)) return;
+  ParallelTasks(num_threads_, chunks_.size(), [&](size_t c) {
+    const Chunk& chunk = chunks_[c];
+    const int width = core_pattern_.widths[chunk.core], padded = PaddedWidth(width);
+    double sums[kMaxWidth] = {};
+    for (size_t a = chunk.begin; a < chunk.end; ++a) {
+      const double* column = arm_values_.data() + arms_[a].begin;
+      const double* r_leaf = r + pattern_->offset[arms_[a].leaf];
+      for (int j = 0; j < pattern_->widths[arms_[a].leaf]; ++j, column += padded) {
+        for (int i = 0; i < width; ++i) sums[i] += column[i] * r_leaf[j];
       }
     }
+    std::copy_n(sums, width, chunk_sums_.data() + c * kMaxWidth);
+  });
+  for (size_t c = 0; c < chunks_.size(); ++c) {
+    double* core_r = core_r_.data() + core_pattern_.offset[chunks_[c].core];
+    for (int i = 0; i < core_pattern_.widths[chunks_[c].core]; ++i) {
+      core_r[i] -= coupling_ * chunk_sums_[c * kMaxWidth + i];
+    }
   }
-  // A complement so close to singular that the solution overflows is as useless as an indefinite
-  // one.
-  if (!solver_->Solve(core_r_.data(), core_z_.data())) {
-    core_solved_ = false;
-    coupling_ = 0.0;
-    diagonal_.Apply(r, z);
-    return;
-  }
-  // Leaves: z_D = D^-1 r_D - D^-1 E z_C.
+}
+
+// z_C = core_z_, z_D = D^-1 r_D - D^-1 E z_C.
+void BorderPreconditioner::SubstituteToLeaves(const double* r, double* z) const {
   const size_t num_nodes = pattern_->widths.size();
   ParallelTasks(num_threads_, NumTasks(num_nodes, kNodesPerTask), [&](size_t task) {
     const int end = static_cast<int>(std::min(num_nodes, (task + 1) * kNodesPerTask));

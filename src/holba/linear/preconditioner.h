@@ -42,27 +42,29 @@ class BlockJacobiPreconditioner : public Preconditioner {
 };
 
 struct BorderOptions {
-  // Unknowns of the core at most. The border nodes that most nodes are coupled with come first, the
-  // others are leaves as the poses are: of them the diagonal blocks count, and what couples them
-  // with the core.
+  // Largest number of unknowns of the core. The border nodes that are coupled with most nodes enter
+  // it first. The remaining ones are leaves, like the poses: the preconditioner uses their diagonal
+  // blocks and their couplings with the core.
   int max_core_unknowns = 2000;
-  // Multiplications and additions that make the Schur complement (without its factorisation) at
-  // most, in the same order: half a second or so.
+  // Largest number of multiplications and additions for forming the Schur complement, without its
+  // factorisation: about half a second.
   double max_schur_flops = 5e9;
 };
 
-// The arrow matrix [D E; E^T C], solved exactly: C holds the core, whole: nodes that many others
-// are coupled with (shared intrinsics, groups); D the diagonal blocks of the leaves (poses); E what
-// couples leaves with the core. Blocks of S between two leaves are left out and need not be there.
-// The Schur complement C - E^T D^-1 E is factorised, dense or sparse (as its leaves make it).
+// Exact solution of the arrow matrix M = [D E; E^T C]. C has all blocks of the core, the nodes that
+// many others are coupled with (shared intrinsics, groups); D has the diagonal blocks of the leaves
+// (poses); E has the couplings of leaves with the core. Blocks of S between two leaves are ignored
+// and may be missing. The Schur complement C - E^T D^-1 E is factorised, as a dense or a sparse
+// matrix, whichever costs less.
 //
-// It is positive definite where S is an arrow (such as U, the part of S before elimination), but
-// need not be where blocks between leaves were left out. Then E is scaled down until it is; if not
-// even C is, M is block Jacobi. Allocates when made only, but for what reduced_solver.h names.
+// The complement is positive definite where S itself is an arrow, like U. Where blocks between
+// leaves are ignored it may be indefinite; then E is scaled down until the complement is positive
+// definite, and if not even C is, M is block Jacobi. Set and Apply allocate no memory but what
+// reduced_solver.h names.
 class BorderPreconditioner : public Preconditioner {
  public:
-  // Nodes from first_border_node on are the border. `pattern` must outlive it; matrices given to
-  // Set have this pattern.
+  // Nodes from first_border_node on are the border. `pattern` must outlive this object; matrices
+  // given to Set have this pattern.
   BorderPreconditioner(const BlockPattern& pattern, int first_border_node,
                        const BorderOptions& options = {}, int num_threads = 1);
   BorderPreconditioner(const BorderPreconditioner&) = delete;  // holds pointers into itself
@@ -73,34 +75,35 @@ class BorderPreconditioner : public Preconditioner {
 
   int num_core_nodes() const { return static_cast<int>(core_.size()); }
   size_t num_core_unknowns() const { return core_pattern_.num_unknowns; }
-  // Of the last Set: what E was multiplied by. 1: nothing was repaired; 0: the core is on its own.
+  // The factor of E after the last Set. 1: nothing was repaired; 0: core and leaves are uncoupled.
   double coupling() const { return coupling_; }
   bool is_block_jacobi() const { return !core_solved_; }  // no core, or not even C is definite
-  double SetFlops() const { return set_flops_; }          // multiplications and additions, about
+  double SetFlops() const { return set_flops_; }  // multiplications and additions, approximately
   size_t MemoryBytes() const;
 
  private:
-  // A block of E: a leaf coupled with a core node. Of a core node they are consecutive, leaves
-  // ascending.
+  // A block of E, the coupling of a leaf with a core node. The arms of a core node are consecutive,
+  // with their leaves ascending.
   struct Arm {
     int core = 0, leaf = 0;
     size_t block = 0;         // in S
-    bool transposed = false;  // S has it as (leaf, core)
-    size_t begin = 0;  // of (its block of E^T) D^-1 in arm_values_: columns as in BlockMatrix
+    bool transposed = false;  // the block in S is (leaf, core)
+    size_t begin = 0;         // in arm_values_: its block of E^T D^-1, columns as in BlockMatrix
   };
-  // Consecutive arms of a core node, with a sum of their own, so that one core node coupled with
-  // all leaves is work for several threads.
+  // Consecutive arms of a core node, with a sum of their own, so that several threads share a core
+  // node that is coupled with all leaves.
   struct Chunk {
     int core = 0;
     size_t begin = 0, end = 0;  // arms
   };
 
-  // A leaf of one task's rows, and where in leaf_arms_ its arms to those rows are.
+  // A leaf that is coupled with the rows of one task, and the range of leaf_arms_ with those
+  // couplings.
   struct LeafOfRows {
     int leaf = 0;
     size_t begin = 0, end = 0;
   };
-  // Rows of the Schur complement that one task computes: what they read of a leaf they read once.
+  // Rows of the Schur complement that one task computes, so that it reads each leaf once.
   struct Rows {
     int begin = 0, end = 0;                   // core nodes
     size_t leaves_begin = 0, leaves_end = 0;  // in leaves_of_rows_
@@ -113,6 +116,8 @@ class BorderPreconditioner : public Preconditioner {
   void MultiplyArms(const BlockMatrix& S, const Chunk& chunk);
   void ComputeSchurRows(const BlockMatrix& S, size_t task);
   bool FactoriseSchur(const BlockMatrix& S);
+  void ReduceToCore(const double* r);
+  void SubstituteToLeaves(const double* r, double* z) const;
 
   const BlockPattern* pattern_;
   int num_threads_;
@@ -120,8 +125,8 @@ class BorderPreconditioner : public Preconditioner {
   std::vector<int> core_;               // nodes, ascending
   std::vector<int> core_of_node_;       // -1: a leaf
   std::vector<Arm> arms_;
-  std::vector<size_t> core_arms_;  // begin in arms_ of each core node, one more than those
-  std::vector<size_t> leaf_arms_begin_, leaf_arms_;  // of each node: its arms, core ascending
+  std::vector<size_t> core_arms_;  // first arm of each core node; one entry more than core nodes
+  std::vector<size_t> leaf_arms_begin_, leaf_arms_;  // arms of each node, by ascending core node
   std::vector<Chunk> chunks_;
   std::vector<Rows> rows_;
   std::vector<LeafOfRows> leaves_of_rows_;
@@ -138,14 +143,14 @@ class BorderPreconditioner : public Preconditioner {
   std::vector<double> core_r_, core_z_;
 };
 
-// M^-1 = sum_{i=0}^{order} (U^-1 E)^i U^-1, where S = U - E: the start of the power series of S^-1
-// (Weber, Demmel, Chan and Cremers 2023, "Power bundle adjustment"). It converges if U and S are
-// positive definite; M is positive definite if E is positive semidefinite, too, as in bundle
-// adjustment, where U is S before elimination, damping included, and E = W V^-1 W^T. Each term
-// costs a product with E.
+// M^-1 = sum_{i=0}^{order} (U^-1 E)^i U^-1 with S = U - E, the first terms of the power series of
+// S^-1 (Weber, Demmel, Chan and Cremers 2023, "Power bundle adjustment"). The series converges if U
+// and S are positive definite. M is positive definite if E is also positive semidefinite. Both hold
+// in bundle adjustment, where U is the damped U of the normal equations and E = W V^-1 W^T. Each
+// term costs a product with E.
 class PowerSeriesPreconditioner : public Preconditioner {
  public:
-  // Both must outlive it. U^-1 is exact where U is an arrow and the preconditioner a border one.
+  // Both must outlive this object. A BorderPreconditioner is an exact u_inverse if U is an arrow.
   PowerSeriesPreconditioner(Preconditioner* u_inverse, LinearOperator* e, size_t num_unknowns,
                             int order);
   void Apply(const double* r, double* z) override;

@@ -9,6 +9,9 @@
 #include <deque>
 #include <map>
 #include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
@@ -23,12 +26,12 @@ constexpr size_t kMaxFramesSparse = 1000;
 // From here LAPACK's blocked factorisation beats Eigen's.
 constexpr size_t kMinSizeLapack = 600;
 
-// Everything that must outlive the Ceres problem.
+// The problem as Ceres has it, and all that must exist as long.
 struct CeresProblem {
   ceres::Problem problem;
   std::vector<std::unique_ptr<ceres::Manifold>> manifolds;
   std::vector<std::unique_ptr<ceres::LossFunction>> losses;
-  std::deque<CeresResidual> residuals;   // side by side, as they are evaluated
+  std::deque<CeresResidual> residuals;   // in the order in which Ceres evaluates them
   std::vector<ResidualMemory> memories;  // by batch
   size_t num_variable_frames = 0;
   size_t num_kept_unknowns = 0;
@@ -44,8 +47,8 @@ struct CeresProblem {
   }
 };
 
-// Brings the memory of one residual up to date with the problem's state; if it is absent there, it
-// keeps what it had.
+// Evaluates one residual at the problem's state into its memory; a residual that is absent there
+// keeps its last value.
 void Remember(const ResidualBatch& batch, size_t i, const ParameterReader& reader,
               ResidualMemory* memory) {
   double residual[kMaxResidualDim];
@@ -60,61 +63,73 @@ void Remember(const ResidualBatch& batch, size_t i, const ParameterReader& reade
   memory->known[i] = 1;
 }
 
-// Residuals without variable blocks are left out and remembered here for good; the others are
-// remembered when Ceres evaluates them with Jacobians, at the start and at every accepted state.
-void Fill(Problem& problem, CeresProblem* out, ceres::ParameterBlockOrdering* ordering) {
-  const ParameterReader reader = problem.Reader();
-  out->memories.resize(problem.batches().size());
-  std::map<std::pair<const ManifoldOps*, uint32_t>, ceres::Manifold*> manifolds;
-  std::vector<uint8_t> added(problem.num_blocks(), 0);
-  const auto add_block = [&](BlockId id) {
-    if (added[id]) return;
-    added[id] = 1;
-    const ParameterBlock& block = problem.block(id);
-    const ManifoldOps& ops = *block.manifold;
-    double* values = problem.values(id);
-    out->problem.AddParameterBlock(values, ops.ambient);
-    if (!block.IsVariable()) {
-      out->problem.SetParameterBlockConstant(values);
-      return;
-    }
-    if (ops.ambient != ops.tangent || block.held) {
-      ceres::Manifold*& manifold = manifolds[{&ops, block.held}];
-      if (!manifold) {
-        out->manifolds.push_back(std::make_unique<CeresManifold>(ops, block.held));
-        manifold = out->manifolds.back().get();
-      }
-      out->problem.SetManifold(values, manifold);
-    }
-    ordering->AddElementToGroup(values, IsKept(block.role) ? 1 : 0);
-    out->num_variable_frames += block.role == BlockRole::kPose;
-    if (IsKept(block.role)) out->num_kept_unknowns += block.FreeTangent();
-  };
-  for (size_t b = 0; b < problem.batches().size(); ++b) {
-    const ResidualBatch& batch = *problem.batches()[b];
-    out->losses.push_back(std::make_unique<CeresLoss>(batch.loss, batch.weight));
-    ceres::LossFunction* loss = out->losses.back().get();
+// Hands a problem to Ceres: the blocks that its residuals hold, in elimination groups, and the
+// residuals with a variable block. Ceres never sees the others, so they are evaluated here, once;
+// CeresResidual remembers the rest whenever Ceres asks for Jacobians, which it does at the start
+// and at every accepted state.
+class CeresBuilder {
+ public:
+  CeresBuilder(Problem* problem, CeresProblem* out, ceres::ParameterBlockOrdering* ordering)
+      : problem_(*problem), out_(*out), ordering_(*ordering), added_(problem->num_blocks(), 0) {
+    out_.memories.resize(problem_.batches().size());
+    for (size_t b = 0; b < problem_.batches().size(); ++b)
+      AddBatch(*problem_.batches()[b], &out_.memories[b]);
+  }
+
+ private:
+  void AddBatch(const ResidualBatch& batch, ResidualMemory* memory) {
+    out_.losses.push_back(std::make_unique<CeresLoss>(batch.loss, batch.weight));
+    ceres::LossFunction* loss = out_.losses.back().get();
     if (batch.loss.type == LossType::kTrivial && batch.weight == 1.0) loss = nullptr;
-    out->memories[b].Resize(batch.size(), batch.dim());
+    memory->Resize(batch.size(), batch.dim());
     std::vector<double*> parameters(batch.num_slots());
     for (size_t i = 0; i < batch.size(); ++i) {
       bool variable = false;
-      for (int s = 0; s < batch.num_slots(); ++s) {
-        variable |= problem.block(batch.block(i, s)).IsVariable();
-      }
+      for (int s = 0; s < batch.num_slots(); ++s)
+        variable |= problem_.block(batch.block(i, s)).IsVariable();
       if (!variable) {
-        Remember(batch, i, reader, &out->memories[b]);
+        Remember(batch, i, problem_.Reader(), memory);
         continue;
       }
       for (int s = 0; s < batch.num_slots(); ++s) {
-        add_block(batch.block(i, s));
-        parameters[s] = problem.values(batch.block(i, s));
+        AddBlock(batch.block(i, s));
+        parameters[s] = problem_.values(batch.block(i, s));
       }
-      out->residuals.emplace_back(problem, batch, i, &out->memories[b]);
-      out->problem.AddResidualBlock(&out->residuals.back(), loss, parameters);
+      out_.residuals.emplace_back(problem_, batch, i, memory);
+      out_.problem.AddResidualBlock(&out_.residuals.back(), loss, parameters);
     }
   }
-}
+
+  void AddBlock(BlockId id) {
+    if (added_[id]) return;
+    added_[id] = 1;
+    const ParameterBlock& block = problem_.block(id);
+    const ManifoldOps& ops = *block.manifold;
+    double* values = problem_.values(id);
+    out_.problem.AddParameterBlock(values, ops.ambient);
+    if (!block.IsVariable()) {
+      out_.problem.SetParameterBlockConstant(values);
+      return;
+    }
+    if (ops.ambient != ops.tangent || block.held) {
+      ceres::Manifold*& manifold = manifolds_[{&ops, block.held}];
+      if (!manifold) {
+        out_.manifolds.push_back(std::make_unique<CeresManifold>(ops, block.held));
+        manifold = out_.manifolds.back().get();
+      }
+      out_.problem.SetManifold(values, manifold);
+    }
+    ordering_.AddElementToGroup(values, IsKept(block.role) ? 1 : 0);
+    out_.num_variable_frames += block.role == BlockRole::kPose;
+    if (IsKept(block.role)) out_.num_kept_unknowns += block.FreeTangent();
+  }
+
+  Problem& problem_;
+  CeresProblem& out_;
+  ceres::ParameterBlockOrdering& ordering_;
+  std::vector<uint8_t> added_;  // by block
+  std::map<std::pair<const ManifoldOps*, uint32_t>, ceres::Manifold*> manifolds_;
+};
 
 // Costs per term from the remembered residuals of the last accepted state; what is absent there
 // counts with the value that it had.
@@ -154,6 +169,43 @@ class IterationWatch final : public ceres::IterationCallback {
   }
 
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& it) override {
+    if (it.iteration == 0) Start(it);
+    const IterationRecord record = RecordOf(it);
+    if (record.accepted) best_state_ = problem_.state();
+    if (it.iteration > 0) {
+      summary_->iteration_seconds.push_back(record.seconds);
+      summary_->accepted_steps += record.accepted;
+    }
+    // A caller's wish ends in success, too: an abort would lose the best state.
+    if (options_.on_iteration && !options_.on_iteration(record)) {
+      summary_->stop_reason = StopReason::kCallback;
+      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+    }
+    const double before = watched_;
+    watched_ = WatchedCost(record);
+    const bool converged = it.iteration > 0 && record.accepted &&
+                           std::abs(before - watched_) <= options_.function_tolerance * before;
+    if (!converged) return ceres::SOLVER_CONTINUE;
+    summary_->stop_reason = StopReason::kConverged;
+    summary_->message = "the cost of the terms in pixels changes less than function_tolerance";
+    return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+  }
+
+  // The last accepted state; Ceres itself goes back to the start when it fails.
+  const std::vector<double>& best_state() const { return best_state_; }
+  // Whether Ceres came as far as to evaluate the start.
+  bool was_called() const { return was_called_; }
+
+ private:
+  void Start(const ceres::IterationSummary& it) {
+    was_called_ = true;
+    summary_->stop_reason = StopReason::kMaxIterations;
+    summary_->initial_terms = TermsFromMemory(problem_, memories_);
+    constant_cost_ = -it.cost;
+    for (const TermCost& term : summary_->initial_terms) constant_cost_ += term.cost;
+  }
+
+  IterationRecord RecordOf(const ceres::IterationSummary& it) const {
     IterationRecord record;
     record.iteration = it.iteration;
     record.accepted = it.iteration == 0 || it.step_is_successful;
@@ -163,106 +215,98 @@ class IterationWatch final : public ceres::IterationCallback {
     record.step_norm = it.step_norm;
     record.trust_radius = it.trust_region_radius;
     record.seconds = it.iteration_time_in_seconds;
-    if (it.iteration == 0) {
-      was_called_ = true;
-      summary_->initial_terms = TermsFromMemory(problem_, memories_);
-      constant_cost_ = -it.cost;
-      for (const TermCost& term : summary_->initial_terms) constant_cost_ += term.cost;
-    }
     if (options_.on_iteration || watches_terms_)
       record.terms = TermsFromMemory(problem_, memories_);
-    if (record.accepted) best_state_ = problem_.state();
-    if (it.iteration > 0) {
-      summary_->iteration_seconds.push_back(record.seconds);
-      summary_->accepted_steps += record.accepted;
-    }
-    if (options_.on_iteration && !options_.on_iteration(record)) {
-      summary_->stop_reason = StopReason::kCallback;
-      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;  // an abort would lose the best state
-    }
-    double watched = watches_terms_ ? 0.0 : it.cost + constant_cost_;
-    if (watches_terms_) {
-      for (const TermCost& term : record.terms) watched += term.angular ? 0.0 : term.cost;
-    }
-    const double before = watched_;
-    watched_ = watched;
-    if (it.iteration == 0 || !record.accepted) return ceres::SOLVER_CONTINUE;
-    if (std::abs(before - watched) <= options_.function_tolerance * before) {
-      summary_->stop_reason = StopReason::kConverged;
-      summary_->message = "the cost of the terms in pixels changes less than function_tolerance";
-      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
-    }
-    return ceres::SOLVER_CONTINUE;
+    return record;
   }
 
-  // The last accepted one: Ceres itself goes back to the start when it fails.
-  const std::vector<double>& best_state() const { return best_state_; }
-  // Whether Ceres came as far as to evaluate the start.
-  bool was_called() const { return was_called_; }
+  // Cost of the terms that function_tolerance looks at.
+  double WatchedCost(const IterationRecord& record) const {
+    if (!watches_terms_) return record.cost + constant_cost_;
+    double cost = 0.0;
+    for (const TermCost& term : record.terms) cost += term.angular ? 0.0 : term.cost;
+    return cost;
+  }
 
- private:
   const SolverOptions& options_;
   const Problem& problem_;
   const std::vector<ResidualMemory>& memories_;
   SolverSummary* summary_;
   std::vector<double> best_state_;
-  bool watches_terms_ = false;  // not simply the cost
+  bool watches_terms_ = false;  // WatchedCost leaves out the angular terms
   bool was_called_ = false;
   double watched_ = 0.0;
-  double constant_cost_ = 0.0;  // of residuals that Ceres does not have
+  double constant_cost_ = 0.0;  // of the residuals that Ceres does not see
 };
 
-ceres::Solver::Options ToCeres(const SolverOptions& options, const CeresProblem& problem,
-                               SolverSummary* summary) {
-  ceres::Solver::Options ceres_options;
-  LinearSolver linear = options.linear_solver;
-  if (linear == LinearSolver::kAuto) {
-    linear = problem.num_variable_frames <= kMaxFramesDense    ? LinearSolver::kDense
-             : problem.num_variable_frames <= kMaxFramesSparse ? LinearSolver::kSparse
-                                                               : LinearSolver::kIterative;
-  }
-  switch (linear) {
+LinearSolver ChooseLinearSolver(LinearSolver wanted, size_t num_frames) {
+  if (wanted != LinearSolver::kAuto) return wanted;
+  if (num_frames <= kMaxFramesDense) return LinearSolver::kDense;
+  return num_frames <= kMaxFramesSparse ? LinearSolver::kSparse : LinearSolver::kIterative;
+}
+
+// Sets the linear solver and its libraries; returns their name.
+std::string SetLinearSolver(const SolverOptions& options, const CeresProblem& problem,
+                            ceres::Solver::Options* out) {
+  switch (ChooseLinearSolver(options.linear_solver, problem.num_variable_frames)) {
     case LinearSolver::kAuto:
     case LinearSolver::kDense: {
       const bool wanted = options.ceres_dense_library == CeresDenseLibrary::kAuto
                               ? problem.num_kept_unknowns >= kMinSizeLapack
                               : options.ceres_dense_library == CeresDenseLibrary::kLapack;
       const bool lapack = wanted && ceres::IsDenseLinearAlgebraLibraryTypeAvailable(ceres::LAPACK);
-      ceres_options.linear_solver_type = ceres::DENSE_SCHUR;
-      ceres_options.dense_linear_algebra_library_type = lapack ? ceres::LAPACK : ceres::EIGEN;
-      summary->linear_solver = lapack ? "DENSE_SCHUR (LAPACK)" : "DENSE_SCHUR (Eigen)";
-      break;
+      out->linear_solver_type = ceres::DENSE_SCHUR;
+      out->dense_linear_algebra_library_type = lapack ? ceres::LAPACK : ceres::EIGEN;
+      return lapack ? "DENSE_SCHUR (LAPACK)" : "DENSE_SCHUR (Eigen)";
     }
-    case LinearSolver::kSparse:
-      ceres_options.linear_solver_type = ceres::SPARSE_SCHUR;
-      if (ceres::IsSparseLinearAlgebraLibraryTypeAvailable(ceres::SUITE_SPARSE)) {
-        ceres_options.sparse_linear_algebra_library_type = ceres::SUITE_SPARSE;
-        summary->linear_solver = "SPARSE_SCHUR (SuiteSparse)";
-      } else {
-        ceres_options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-        summary->linear_solver = "SPARSE_SCHUR (Eigen)";
-      }
-      break;
+    case LinearSolver::kSparse: {
+      out->linear_solver_type = ceres::SPARSE_SCHUR;
+      const bool suite_sparse =
+          ceres::IsSparseLinearAlgebraLibraryTypeAvailable(ceres::SUITE_SPARSE);
+      out->sparse_linear_algebra_library_type =
+          suite_sparse ? ceres::SUITE_SPARSE : ceres::EIGEN_SPARSE;
+      return suite_sparse ? "SPARSE_SCHUR (SuiteSparse)" : "SPARSE_SCHUR (Eigen)";
+    }
     case LinearSolver::kIterative:
-      ceres_options.linear_solver_type = ceres::ITERATIVE_SCHUR;
-      ceres_options.preconditioner_type = ceres::SCHUR_JACOBI;
-      summary->linear_solver = "ITERATIVE_SCHUR (SCHUR_JACOBI)";
-      break;
+      out->linear_solver_type = ceres::ITERATIVE_SCHUR;
+      out->preconditioner_type = ceres::SCHUR_JACOBI;
+      return "ITERATIVE_SCHUR (SCHUR_JACOBI)";
   }
-  // With more threads Ceres adds up the reduced system in whatever order they finish.
-  ceres_options.num_threads = options.num_threads == -1 ? 1 : NumThreads(options.num_threads);
-  ceres_options.max_num_iterations = options.max_num_iterations;
-  ceres_options.max_linear_solver_iterations = options.max_linear_solver_iterations;
-  ceres_options.eta = options.eta;
-  ceres_options.max_solver_time_in_seconds = options.max_seconds;
-  ceres_options.function_tolerance = 0.0;  // IterationWatch decides
-  ceres_options.gradient_tolerance = options.gradient_tolerance;
-  ceres_options.parameter_tolerance = options.parameter_tolerance;
-  ceres_options.initial_trust_region_radius = options.initial_trust_radius;
-  ceres_options.max_num_consecutive_invalid_steps = 10;
-  ceres_options.update_state_every_iteration = true;  // for IterationWatch::best_state
-  ceres_options.logging_type = ceres::SILENT;
-  return ceres_options;
+  return "";
+}
+
+// A Schur solver needs features and kept blocks; with only one of them there is nothing to
+// eliminate from. Returns the name of the solver.
+std::string SetOrdering(const std::shared_ptr<ceres::ParameterBlockOrdering>& ordering,
+                        const std::string& schur_solver, ceres::Solver::Options* out) {
+  if (ordering->NumGroups() == 2) {
+    out->linear_solver_ordering = ordering;
+    return schur_solver;
+  }
+  if (out->linear_solver_type == ceres::DENSE_SCHUR && ordering->GroupSize(1) > 0) {
+    out->linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    return "DENSE_NORMAL_CHOLESKY";
+  }
+  out->linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+  return "SPARSE_NORMAL_CHOLESKY";
+}
+
+ceres::Solver::Options ToCeres(const SolverOptions& options) {
+  ceres::Solver::Options out;
+  // With more than one thread Ceres adds up the reduced system in the order in which they finish.
+  out.num_threads = options.num_threads == -1 ? 1 : NumThreads(options.num_threads);
+  out.max_num_iterations = options.max_num_iterations;
+  out.max_linear_solver_iterations = options.max_linear_solver_iterations;
+  out.eta = options.eta;
+  out.max_solver_time_in_seconds = options.max_seconds;
+  out.function_tolerance = 0.0;  // IterationWatch decides
+  out.gradient_tolerance = options.gradient_tolerance;
+  out.parameter_tolerance = options.parameter_tolerance;
+  out.initial_trust_region_radius = options.initial_trust_radius;
+  out.max_num_consecutive_invalid_steps = 10;
+  out.update_state_every_iteration = true;  // for IterationWatch::best_state
+  out.logging_type = ceres::SILENT;
+  return out;
 }
 
 StopReason ReasonOf(const ceres::Solver::Summary& ceres_summary, const SolverOptions& options) {
@@ -274,76 +318,70 @@ StopReason ReasonOf(const ceres::Solver::Summary& ceres_summary, const SolverOpt
   return StopReason::kNoStep;
 }
 
+double TotalCost(const std::vector<TermCost>& terms) {
+  double cost = 0.0;
+  for (const TermCost& term : terms) cost += term.cost;
+  return cost;
+}
+
+// After a failure the last evaluation was not of the state that is kept.
+void RestoreBestState(const IterationWatch& watch, Problem* problem,
+                      std::vector<ResidualMemory>* memories) {
+  if (!watch.best_state().empty()) problem->state() = watch.best_state();
+  for (size_t b = 0; b < problem->batches().size(); ++b) {
+    const ResidualBatch& batch = *problem->batches()[b];
+    for (size_t i = 0; i < batch.size(); ++i)
+      Remember(batch, i, problem->Reader(), &(*memories)[b]);
+  }
+}
+
+// Why Ceres stopped, unless IterationWatch stopped it, and its times.
+void TakeSummary(const ceres::Solver::Summary& from, const SolverOptions& options,
+                 SolverSummary* to) {
+  if (from.termination_type != ceres::USER_SUCCESS &&
+      from.termination_type != ceres::USER_FAILURE) {
+    to->stop_reason = ReasonOf(from, options);
+    to->message = from.message;
+  }
+  to->linearise_seconds =
+      from.jacobian_evaluation_time_in_seconds + from.residual_evaluation_time_in_seconds;
+  to->eliminate_seconds = from.linear_solver_time_in_seconds;
+  to->build_seconds += from.preprocessor_time_in_seconds;
+}
+
 }  // namespace
 
 SolverSummary SolveWithCeres(const SolverOptions& options, Problem* problem) {
-  // Ceres' warnings (a step that could not be solved for, ...) show in the summary and the
-  // iterations.
+  // The summary and the iterations show what Ceres would warn of.
   FLAGS_minloglevel = google::GLOG_ERROR;
+  const Timer timer;
   SolverSummary summary;
   summary.backend = "ceres";
   summary.reduced_system.size = NumKeptUnknowns(*problem);
-  const Timer timer;
-
   CeresProblem ceres_problem;
   const auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  Fill(*problem, &ceres_problem, ordering.get());
+  CeresBuilder(problem, &ceres_problem, ordering.get());
   summary.build_seconds = timer.Seconds();
-  const auto sum = [](const std::vector<TermCost>& terms) {
-    double cost = 0.0;
-    for (const TermCost& term : terms) cost += term.cost;
-    return cost;
-  };
-  if (ordering->NumElements() == 0) {
-    summary.initial_terms = summary.final_terms = TermsFromMemory(*problem, ceres_problem.memories);
-    summary.initial_cost = summary.final_cost = sum(summary.initial_terms);
-    summary.total_seconds = timer.Seconds();
-    return summary;
-  }
 
-  ceres::Solver::Options ceres_options = ToCeres(options, ceres_problem, &summary);
-  // A Schur solver needs both groups; with only one there is nothing to eliminate from.
-  if (ordering->NumGroups() == 2) {
-    ceres_options.linear_solver_ordering = ordering;
-  } else if (ceres_options.linear_solver_type == ceres::DENSE_SCHUR && ordering->GroupSize(1) > 0) {
-    ceres_options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
-    summary.linear_solver = "DENSE_NORMAL_CHOLESKY";
-  } else {
-    ceres_options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-    summary.linear_solver = "SPARSE_NORMAL_CHOLESKY";
-  }
-  summary.num_threads = ceres_options.num_threads;
-  summary.stop_reason = StopReason::kMaxIterations;
   IterationWatch watch(options, *problem, ceres_problem.memories, &summary);
-  ceres_options.callbacks.push_back(&watch);
-
-  ceres::Solver::Summary ceres_summary;
-  ceres::Solve(ceres_options, &ceres_problem.problem, &ceres_summary);
-
-  if (ceres_summary.termination_type != ceres::USER_SUCCESS &&
-      ceres_summary.termination_type != ceres::USER_FAILURE) {
-    summary.stop_reason = ReasonOf(ceres_summary, options);
-    summary.message = ceres_summary.message;
+  if (ordering->NumElements() > 0) {
+    ceres::Solver::Options ceres_options = ToCeres(options);
+    const std::string schur_solver = SetLinearSolver(options, ceres_problem, &ceres_options);
+    summary.linear_solver = SetOrdering(ordering, schur_solver, &ceres_options);
+    summary.num_threads = ceres_options.num_threads;
+    ceres_options.callbacks.push_back(&watch);
+    ceres::Solver::Summary ceres_summary;
+    ceres::Solve(ceres_options, &ceres_problem.problem, &ceres_summary);
+    TakeSummary(ceres_summary, options, &summary);
+    if (!ceres_summary.IsSolutionUsable())
+      RestoreBestState(watch, problem, &ceres_problem.memories);
   }
-  if (!ceres_summary.IsSolutionUsable()) {
-    // The last evaluation was not of the state that is kept.
-    if (!watch.best_state().empty()) problem->state() = watch.best_state();
-    for (size_t b = 0; b < problem->batches().size(); ++b) {
-      const ResidualBatch& batch = *problem->batches()[b];
-      for (size_t i = 0; i < batch.size(); ++i) {
-        Remember(batch, i, problem->Reader(), &ceres_problem.memories[b]);
-      }
-    }
-  }
+
   summary.final_terms = TermsFromMemory(*problem, ceres_problem.memories);
   if (!watch.was_called()) summary.initial_terms = summary.final_terms;
-  summary.initial_cost = sum(summary.initial_terms);
-  summary.final_cost = sum(summary.final_terms);
+  summary.initial_cost = TotalCost(summary.initial_terms);
+  summary.final_cost = TotalCost(summary.final_terms);
   summary.iterations = static_cast<int>(summary.iteration_seconds.size());
-  summary.linearise_seconds = ceres_summary.jacobian_evaluation_time_in_seconds +
-                              ceres_summary.residual_evaluation_time_in_seconds;
-  summary.eliminate_seconds = ceres_summary.linear_solver_time_in_seconds;
-  summary.build_seconds += ceres_summary.preprocessor_time_in_seconds;
   summary.total_seconds = timer.Seconds();
   return summary;
 }

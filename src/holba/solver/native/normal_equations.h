@@ -99,6 +99,7 @@ class NormalEquations {
                           std::vector<double>* covariances);
 
   const Structure& structure() const { return structure_; }
+  size_t num_slices() const { return num_slices_; }  // of the form
 
  private:
   bool IsImplicit() const { return form_ != SchurForm::kExplicit; }
