@@ -39,7 +39,8 @@ void ProblemBuilder::AddPoints() {
         batch = &BatchOf<PointResidual>(of_structure ? "structure_point" : "point",
                                         {3, 6, image.model->num_params}, {image.model->id, -1, 0},
                                         [&] { return PointResidual{image.model}; });
-        if (one_model && !of_structure) batch->Reserve(NumPointObservations());
+        if (one_model && !of_structure && batch->size() == 0)
+          batch->Reserve(NumPointObservations());
       }
       batch->Add(std::array{block, image.pose, image.camera},
                  {image.image->points2D[observation.point2D_idx].xy, image.sensor});
@@ -47,7 +48,7 @@ void ProblemBuilder::AddPoints() {
   }
 }
 
-// At most; asked for once.
+// At most.
 size_t ProblemBuilder::NumPointObservations() const {
   size_t count = 0;
   RecordWalk records(model_.points3D);

@@ -20,9 +20,9 @@ enum class BundleConfig { kPoint, kPointLine, kGroups, kHolistic };
 // 2D: reprojection errors in pixels (the method). 3D: distances in model units, for comparison
 // only.
 enum class StructureForm { k2d, k3d };
-// kTwoCams: COLMAP's; the first frame is held, and of the frame farthest from it the translation
-// coordinate that fixes the scale. Rigs with a known baseline have a scale of their own: then only
-// the first frame is held.
+// kTwoCams, as in COLMAP: the first frame is held, and of the frame farthest from it the translation
+// coordinate that fixes the scale. Held points, frames, lines and groups and the baseline of a rig
+// fix a part of the gauge; then only the rest is held (gauge.h). kFree: nothing is held.
 enum class Gauge { kTwoCams, kFree };
 enum class LossChoice { kTrivial, kHuber, kSoftL1, kCauchy, kAuto };
 
@@ -83,12 +83,12 @@ struct BundleOptions {
   }};
   // The loss `auto`: Cauchy at this many robust standard deviations of the term's residuals.
   double auto_num_sigmas = 2.0;
-  // Below this scale the noise is that of the localisation of a feature, whatever the residuals
-  // say.
+  // Smallest scale of the loss `auto`, pixels: no feature is localised better, whatever its
+  // residuals say.
   double auto_min_scale_px = 0.05;
 
-  // Its annealing starts at this multiple of the goal and halves: wide enough to keep what the start
-  // has wrong.
+  // The annealing of the loss `auto` starts at this multiple of the goal, and the scale halves: wide
+  // enough that observations which are wrong at the start only still count.
   double auto_start_multiple = 8.0;
 
   // Associations that contradict the features as seen take no part (association_gate.h), tested
@@ -99,8 +99,8 @@ struct BundleOptions {
   // Lines and structure may move the cameras from where points alone have them by so many of the
   // latter's standard deviations (root mean square over the cameras' coordinates); where they move
   // them farther, they contradict the points, and the cameras stay. 0: not tested. What agrees with
-  // the points moves them by one at most on average, for it only adds to what is known (Hausman
-  // 1978); the rest is for standard deviations that call the points' errors independent.
+  // the points moves them by one at most on average, because it only adds information (Hausman
+  // 1978); the margin is there because the standard deviations assume independent errors.
   double max_camera_shift_sigmas = 2.0;
 
   bool refine_focal_length = true;

@@ -5,16 +5,15 @@
 #include <cmath>
 
 #include "holba/base/check.h"
-#include "holba/bundle/adjust_bundle.h"
+#include "holba/bundle/losses.h"
 #include "holba/geometry/manifold.h"
 #include "holba/solver/covariance.h"
 
 namespace holba {
 namespace {
 
-// Of one observed coordinate, px^2. A robust loss leaves the noise of the good
-// observations; without one the wrong ones have moved the cameras too, and
-// count.
+// Variance of one observed coordinate, px^2. With a robust loss it is measured on the inliers; with
+// the trivial loss wrong observations have moved the cameras, too, so that all observations count.
 double NoiseVariance(const Problem& problem) {
   double sum = 0.0, count = 0.0;
   bool robust = true;

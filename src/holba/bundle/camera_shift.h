@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Where points alone have the cameras and how sure they are of it: what lines
-// and structure are held against.
+// The cameras as points alone estimate them, with their covariances: lines and structure are
+// compared with this.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,14 +15,14 @@ namespace holba {
 
 class CameraReference {
  public:
-  // `points`: a problem of points alone, solved, its gauge fixed. Empty: it
-  // does not determine the cameras, or none of them moves.
+  // `points`: a problem of points alone, solved, its gauge fixed. Empty: it does not determine the
+  // cameras, or none of them moves.
   static std::optional<CameraReference> Of(const BundleProblem& points, int num_threads,
                                            SolverWorkspace* workspace = nullptr);
 
-  // How far the poses of another problem of the same model with the same gauge
-  // are from these, in standard deviations of these: the root mean square over
-  // all coordinates that move, correlations within a pose included.
+  // How far the poses of another problem of the same selection are from these, in standard
+  // deviations of these: the root mean square over all coordinates that move, correlations within a
+  // pose included.
   double ShiftSigmas(const BundleProblem& other) const;
 
  private:
