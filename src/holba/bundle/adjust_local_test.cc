@@ -138,10 +138,14 @@ void ExpectEqualsThePartAlone(const Reconstruction& start, const BundleOptions& 
     EXPECT_EQ(whole.frames.at(id).rig_from_world.translation, frame.rig_from_world.translation);
   }
   for (const auto& [id, point] : start.points3D) {
-    if (!points.contains(id)) EXPECT_EQ(whole.points3D.at(id).xyz, point.xyz);
+    if (!points.contains(id)) {
+      EXPECT_EQ(whole.points3D.at(id).xyz, point.xyz);
+    }
   }
   for (const auto& [id, line] : start.lines3D) {
-    if (!lines.contains(id)) EXPECT_EQ(whole.lines3D.at(id).start, line.start);
+    if (!lines.contains(id)) {
+      EXPECT_EQ(whole.lines3D.at(id).start, line.start);
+    }
   }
 }
 

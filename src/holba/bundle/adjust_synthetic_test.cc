@@ -323,7 +323,9 @@ TEST(Weights, OfZeroAreAsIfTheTermWereNotThere) {
   const SolverSummary solved_b = AdjustBundle(weightless, TightSolver(), &b).solver;
   EXPECT_NEAR(solved_b.final_cost, solved_a.final_cost, 1e-8 * solved_a.final_cost);
   for (const TermCost& term : solved_b.final_terms) {
-    if (term.term != "point" && term.term != "line") EXPECT_EQ(term.cost, 0.0) << term.term;
+    if (term.term != "point" && term.term != "line") {
+      EXPECT_EQ(term.cost, 0.0) << term.term;
+    }
   }
 }
 

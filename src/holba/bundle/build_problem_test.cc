@@ -389,7 +389,9 @@ TEST(TermSettings, ReachTheirTermsOnly) {
         reached += named;
         EXPECT_EQ(batch->loss.type, named ? type : others) << batch->term();
         EXPECT_EQ(batch->weight, named ? 7.0 : 1.0) << batch->term();
-        if (named) EXPECT_EQ(batch->loss.scale, 0.125) << batch->term();
+        if (named) {
+          EXPECT_EQ(batch->loss.scale, 0.125) << batch->term();
+        }
       }
       EXPECT_GT(reached, 0u);
     }
