@@ -43,27 +43,27 @@ LocalBenchResult BenchStreet(const LocalBenchOptions& options, int num_images) {
 
   const int num_parts = std::min(options.max_parts, num_images / options.part_images);
   std::vector<std::vector<image_t>> parts(num_parts);
-  std::vector<Reconstruction> copies;
   LocalBenchResult result{.num_images = num_images};
   for (int part = 0; part < num_parts; ++part) {
     const size_t begin = static_cast<size_t>(part) * num_images / num_parts;
     for (int k = 0; k < options.part_images; ++k)
       parts[part].push_back((model.images.begin() + begin + k)->first);
-    copies.push_back(CutOut(model, parts[part], model.points3D.size()));
-    result.num_points += copies.back().points3D.size();
   }
-  result.num_points /= static_cast<size_t>(num_parts);
 
   SolverWorkspace in_model_workspace, alone_workspace;
   for (int part = 0; part < num_parts; ++part) {
+    // Cut here: parts side by side share points, which the adjustment of the last part has moved.
+    Reconstruction copy = CutOut(model, parts[part], model.points3D.size());
+    result.num_points += copy.points3D.size();
     double cost = 0.0;
     result.in_model.push_back(
         AdjustPart(options, parts[part], &in_model_workspace, &model, &cost));
     result.in_model_costs.push_back(cost);
     result.alone.push_back(
-        AdjustPart(options, parts[part], &alone_workspace, &copies[part], &cost));
+        AdjustPart(options, parts[part], &alone_workspace, &copy, &cost));
     result.alone_costs.push_back(cost);
   }
+  result.num_points /= static_cast<size_t>(num_parts);
   return result;
 }
 

@@ -44,6 +44,31 @@ TEST(ModelIo, AFolderIsWrittenAndReadInEitherFormat) {
   }
 }
 
+TEST(ModelIo, ImagesWithoutAPoseAndOriginsOfPointsSurvive) {
+  for (const bool with_rigs : {false, true}) {
+    const TestFolder folder;
+    Reconstruction model = RandomModel(3, {.with_rigs = with_rigs, .with_unregistered = true});
+    if (with_rigs) model.DeregisterFrame(model.frames.begin()[0].first);
+    for (const ModelFormat format : {ModelFormat::kText, ModelFormat::kBinary}) {
+      WriteModel(model, folder / "m", format);
+      const Reconstruction read = ReadModel(folder / "m");
+      EXPECT_EQ(Fingerprint(read), Fingerprint(model));
+      ASSERT_EQ(read.unregistered_images.size(), model.unregistered_images.size());
+      ASSERT_EQ(read.unregistered_frames.size(), model.unregistered_frames.size());
+      for (const auto& [id, image] : model.unregistered_images) {
+        const Image& other = read.unregistered_images.at(id);
+        EXPECT_EQ(other.name, image.name);
+        EXPECT_EQ(other.camera_id, image.camera_id);
+        ASSERT_EQ(other.points2D.size(), image.points2D.size());
+        for (size_t k = 0; k < image.points2D.size(); ++k) EXPECT_EQ(other.points2D[k].xy, image.points2D[k].xy);
+        ASSERT_EQ(other.lines2D.size(), image.lines2D.size());
+        EXPECT_EQ(other.groups2D.size(), image.groups2D.size());
+      }
+      for (const auto& [id, point] : model.points3D) EXPECT_EQ(read.points3D.at(id).origin, point.origin);
+    }
+  }
+}
+
 TEST(ModelIo, FilesOfTextAreReproducedAsTheyWere) {
   const TestFolder folder;
   WriteSmallModel(folder / "in");

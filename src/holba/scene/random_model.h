@@ -17,7 +17,7 @@ namespace holba {
 struct RandomModelOptions {
   bool with_rigs = true;       // rig files, two cameras and an IMU in a rig
   bool with_structure = true;  // lines, groups, wireframe, relations
-  bool with_unregistered = true;  // images without a pose
+  bool with_unregistered = false;  // images without a pose
   bool extreme_reals = true;   // some of -0, the least and the greatest numbers
 };
 

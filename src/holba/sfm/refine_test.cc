@@ -200,7 +200,7 @@ TEST(Refine, WrongMembersAreThrownOutAndCounted) {
         if (!scene.near_front.contains(p)) members.push_back(p);
       }
       members.insert(members.end(), scene.near_front.begin(), scene.near_front.end());
-      group.point3D_ids = members;
+      model->SetMembers(id, members, group.line3D_ids);
     }
     return RegionObservations();
   };
