@@ -254,17 +254,19 @@ class Resistance {
 };
 
 // Derivatives of a pose's tangent coordinates with respect to the similarities, translations in the
-// unit of length.
-Eigen::Matrix<double, 6, 7> PoseMotion(const Rigid3d& pose, const Eigen::Vector3d& centre,
-                                       double unit) {
+// unit of length. R' = R exp(-w): the rotation follows w alone.
+Eigen::Matrix<double, 3, 7> RotationMotion(const Rigid3d& pose) {
+  Eigen::Matrix<double, 3, 7> motion = Eigen::Matrix<double, 3, 7>::Zero();
+  motion.leftCols<3>() = -pose.RotationMatrix();
+  return motion;
+}
+// t = -R c, where the centre c moves like a point; once no similarity that is free rotates.
+Eigen::Matrix<double, 3, 7> TranslationMotion(const Rigid3d& pose, const Eigen::Vector3d& centre,
+                                              double unit) {
   const Eigen::Matrix3d R = pose.RotationMatrix();
-  const Eigen::Vector3d origin = pose.OriginInA();
-  Eigen::Matrix<double, 6, 7> motion = Eigen::Matrix<double, 6, 7>::Zero();
-  // R' = R exp(-w), t' = -R' c': the centre c moves like a point.
-  motion.topLeftCorner<3, 3>() = -R;
-  motion.bottomLeftCorner<3, 3>() = -R * Cross(centre) / unit;
-  motion.block<3, 3>(3, 3) = -R;
-  motion.bottomRightCorner<3, 1>() = -R * (origin - centre) / unit;
+  Eigen::Matrix<double, 3, 7> motion = Eigen::Matrix<double, 3, 7>::Zero();
+  motion.block<3, 3>(0, 3) = -R;
+  motion.rightCols<1>() = -R * (pose.OriginInA() - centre) / unit;
   return motion;
 }
 
@@ -334,12 +336,15 @@ FixedGauge ChooseGauge(const Reconstruction& model, const BundleOptions& options
     if (farthest > 0.0) gauge.scale_held = uint32_t{1} << (3 + coordinate);
     return gauge;
   }
-  const auto motion_of = [&](frame_t id) {
-    return PoseMotion(model.frames.at(id).rig_from_world, resistance.centre(), resistance.unit());
+  const auto translation_of = [&](frame_t id) {
+    return TranslationMotion(model.frames.at(id).rig_from_world, resistance.centre(),
+                             resistance.unit());
   };
-  gauge.origin_held = HoldCoordinates(motion_of(gauge.origin_frame), 0, &free);
+  gauge.origin_held =
+      HoldCoordinates(RotationMotion(model.frames.at(gauge.origin_frame).rig_from_world), 0, &free);
+  gauge.origin_held |= HoldCoordinates(translation_of(gauge.origin_frame), 3, &free);
   if (gauge.scale_frame == kInvalidId32) return gauge;
-  gauge.scale_held = HoldCoordinates(motion_of(gauge.scale_frame).bottomRows<3>(), 3, &free);
+  gauge.scale_held = HoldCoordinates(translation_of(gauge.scale_frame), 3, &free);
   if (gauge.scale_held == 0) gauge.scale_frame = kInvalidId32;
   return gauge;
 }

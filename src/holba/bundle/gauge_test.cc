@@ -3,12 +3,14 @@
 // coordinates held, as many directions are free as it holds; with them, none.
 #include "holba/bundle/gauge.h"
 
+#include <gtest/gtest.h>
+
 #include <Eigen/SVD>
 #include <bit>
-#include <gtest/gtest.h>
 
 #include "holba/base/random.h"
 #include "holba/bundle/bundle_testing.h"
+#include "holba/synthetic/bundle_problem.h"
 
 namespace holba {
 namespace {
@@ -171,6 +173,33 @@ TEST_F(GaugeTest, CountsAHeldSphere) {
         maker_.AddPoint(Eigen::Vector3d(0.3, 0.2, 1) + 1.2 * u.normalized(), images_));
   }
   ExpectFreeWithGroup(3, "SPHERE", {0.3, 0.2, 1, 1.2}, on_sphere, {});
+}
+
+TEST_F(GaugeTest, IsTheSameWhereverTheSceneLies) {
+  maker_.AddGroup("PLANE", {0, 0, 1, 0}, {points_.begin(), points_.begin() + 6}, {});
+  const auto masks = [&] {
+    std::vector<uint32_t> list;
+    for (const bool held_plane : {false, true}) {
+      options_.fix_groups = held_plane;
+      const FixedGauge gauge = Select().gauge;
+      list.insert(list.end(), {gauge.origin_frame, gauge.origin_held, gauge.scale_frame,
+                               gauge.scale_held});
+    }
+    return list;
+  };
+  const std::vector<uint32_t> here = masks();
+  maker_.model.Transform({1.0, Eigen::Quaterniond::Identity(), Eigen::Vector3d(1e5, -2e5, 3e4)});
+  EXPECT_EQ(masks(), here);
+  maker_.model.Transform({1e3, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero()});
+  EXPECT_EQ(masks(), here);
+}
+
+TEST_F(GaugeTest, IsTheFirstFrameAloneWhereABaselineFixesTheScale) {
+  const Reconstruction model = MakeBundleProblem({.num_images = 10, .rig_size = 2}).perturbed;
+  const FixedGauge gauge = BundleSelection::Everything(model, options_).gauge;
+  EXPECT_EQ(gauge.origin_frame, model.images.begin()->second.frame_id);
+  EXPECT_EQ(gauge.origin_held, FixedGauge::kWholePose);
+  EXPECT_EQ(gauge.scale_held, 0u);
 }
 
 TEST_F(GaugeTest, IsNothingWhereItIsFreeOrNoFrameMoves) {
