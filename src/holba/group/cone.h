@@ -3,7 +3,6 @@
 // log_alpha]: apex, unit axis into the cone, logarithm of the half-angle in radians. 6 dof.
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
@@ -15,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "holba/geometry/symmetric_solve.h"
 #include "holba/group/fit.h"
 #include "holba/group/group_math.h"
 #include "holba/group/group_type.h"
@@ -241,11 +241,11 @@ struct Cone {
       }
       if (cost < best.second) best = {g, cost};
     };
-    const Eigen::Matrix<double, 5, 1> solution = A.ldlt().solve(b);
+    const Eigen::Matrix<double, 5, 1> solution = SolveSymmetric<5>(A, b);
     if (solution.allFinite() && solution[2] > 0.0) {
       consider(solution.head<2>(), std::sqrt(solution[2]), -0.5 * solution[3] / solution[2]);
     }
-    const Eigen::Vector3d circle = circle_A.ldlt().solve(circle_b);
+    const Eigen::Vector3d circle = SolveSymmetric<3>(circle_A, circle_b);
     if (circle.allFinite()) {
       double sum_h = 0.0, sum_hh = 0.0, sum_r = 0.0, sum_hr = 0.0;
       const double num = static_cast<double>(points.size());

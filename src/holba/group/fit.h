@@ -4,7 +4,6 @@
 // to their projections, for any type with ProjectPointWithJacobian.
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <functional>
@@ -14,6 +13,7 @@
 
 #include "holba/geometry/line.h"
 #include "holba/geometry/rigid3d.h"
+#include "holba/geometry/symmetric_solve.h"
 #include "holba/geometry/types.h"
 
 namespace holba {
@@ -86,7 +86,7 @@ std::optional<double> MinimizeSquares(const Accumulate& accumulate, int max_iter
     Square damped = H;
     const double floor = 1e-12 * H.diagonal().maxCoeff();
     damped.diagonal() += damping * H.diagonal().cwiseMax(floor);
-    const Tangent step = damped.ldlt().solve(-b);
+    const Tangent step = SolveSymmetric<kTangent>(damped, -b);
     if (!step.allFinite()) return cost;
     double trial[Manifold::kAmbient];
     Manifold::Plus(x, step.data(), trial);

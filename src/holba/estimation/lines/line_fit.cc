@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/estimation/lines/line_fit.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -9,6 +8,7 @@
 #include <limits>
 
 #include "holba/geometry/manifold.h"
+#include "holba/geometry/symmetric_solve.h"
 
 namespace holba {
 namespace {
@@ -191,7 +191,7 @@ bool FitLine(std::span<const LineSupport> supports, const LinePrior& prior, doub
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     Eigen::Matrix4d damped = H;
     damped.diagonal() += lambda * H.diagonal() + floor;
-    const Eigen::Vector4d step = -damped.ldlt().solve(g);
+    const Eigen::Vector4d step = -SolveSymmetric<4>(damped, g);
     if (!step.allFinite()) return false;
     AnchoredLine moved;
     double x[6], y[6];
