@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The list of group types: a new one adds its header and its line, in the order of the codes.
+// The list of group types: a new one adds its header and its line, in the order of the codes. CMake
+// reads the lines, too, and compiles each type in a file of its own.
 #pragma once
+
+#include <algorithm>
+#include <array>
+#include <functional>
 
 #include "holba/group/cone.h"
 #include "holba/group/cuboid.h"
@@ -13,7 +18,9 @@
 namespace holba {
 
 template <typename... Types>
-struct GroupTypeList {};
+struct GroupTypeList {
+  static constexpr std::array<int, sizeof...(Types)> kCodes{Types::kTypeCode...};
+};
 
 // clang-format off
 using GroupTypes = GroupTypeList<
@@ -25,5 +32,9 @@ using GroupTypes = GroupTypeList<
     Ellipsoid,
     Cuboid>;
 // clang-format on
+
+static_assert(std::ranges::adjacent_find(GroupTypes::kCodes, std::ranges::greater_equal()) ==
+                  GroupTypes::kCodes.end(),
+              "group types are listed by ascending code, each code once");
 
 }  // namespace holba
