@@ -2,6 +2,7 @@
 // The benchmark `local`: a part of a large model adjusted in place against the part alone.
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>

@@ -2,6 +2,7 @@
 // The problems of the benchmark `solver`, by name.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <span>
 #include <string>

@@ -44,7 +44,9 @@ TEST(TimeIterations, TimesEveryConfigurationWithBothSolvers) {
     EXPECT_EQ(timing.iterations, 4);
     EXPECT_GT(timing.seconds_per_iteration, 0.0);
     EXPECT_LT(timing.seconds_per_iteration, 1e3);
-    if (i % 4 > 0) EXPECT_GT(timing.num_residuals, timings[i - 1].num_residuals);
+    if (i % 4 > 0) {
+      EXPECT_GT(timing.num_residuals, timings[i - 1].num_residuals);
+    }
   }
   for (const Table& table : TimingTables(options, cases, timings)) {
     EXPECT_THAT(table.header, SizeIs(5));

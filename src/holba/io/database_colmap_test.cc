@@ -101,7 +101,7 @@ TEST(DatabaseColmap, ReadsWhatColmapExtractedAndMatched) {
   Database database(path);
   ExpectFeaturesAndMatches(database);
   const auto images = database.ReadImages();
-  const auto& camera = database.ReadCameras().at(images.begin()->second.camera_id);
+  const auto camera = database.ReadCameras().at(images.begin()->second.camera_id);
   EXPECT_EQ(camera.camera.model->name, "SIMPLE_RADIAL");
   EXPECT_EQ(camera.camera.params.size(), 4u);
   EXPECT_FALSE(camera.has_prior_focal_length);

@@ -3,6 +3,7 @@
 // blobs (little-endian, without padding). Included by database*.cc only.
 #pragma once
 
+#include <cstdint>
 #include <fmt/format.h>
 #include <sqlite3.h>
 

@@ -2,6 +2,7 @@
 // The two forms of a model's files, and the bits that their readers share.
 #pragma once
 
+#include <cstdint>
 #include <fmt/format.h>
 
 #include <string>

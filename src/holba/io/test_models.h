@@ -3,6 +3,7 @@
 // comparison of models bit for bit, the folder of real data.
 #pragma once
 
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>

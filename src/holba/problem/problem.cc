@@ -89,7 +89,7 @@ double SquaredNorm(const double* r, int dim) {
 // Symmetric pattern over kept variable blocks, one bit per pair.
 class PairPattern {
  public:
-  explicit PairPattern(size_t n) : n_(n), words_((n + 63) / 64), bits_(n * words_) {}
+  explicit PairPattern(size_t n) : words_((n + 63) / 64), bits_(n * words_) {}
   void Couple(const std::vector<uint32_t>& members) {
     for (uint32_t a : members) {
       uint64_t* row = &bits_[a * words_];
@@ -99,7 +99,7 @@ class PairPattern {
   bool At(size_t a, size_t b) const { return bits_[a * words_ + b / 64] >> (b % 64) & 1; }
 
  private:
-  size_t n_, words_;
+  size_t words_;
   std::vector<uint64_t> bits_;
 };
 

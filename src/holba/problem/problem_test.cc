@@ -263,7 +263,7 @@ TEST(Batch, EvaluatesRangesBitForBitAsItsSingleResiduals) {
       batch.Evaluate(i, i + 1, reader, single);
       absent += !is_present;
       EXPECT_EQ(present[j], is_present);
-      const auto same = [&](const std::vector<double>& values, const double* expected,
+      const auto same = [&, stride = stride](const std::vector<double>& values, const double* expected,
                             size_t size) {
         for (size_t k = 0; k < size; ++k) {
           EXPECT_EQ(std::bit_cast<uint64_t>(values[k * stride + j]),

@@ -3,6 +3,8 @@
 // side, results into the panel. Only for X_simd.cc files (simd/targets.h).
 #pragma once
 
+#include <cstdint>
+
 #include "holba/problem/vector_work.h"
 #include "holba/residual/formulas.h"
 #include "holba/simd/pack.h"

@@ -3,6 +3,7 @@
 // type, names with blanks, reals of all magnitudes. Geometry is arbitrary: residuals mean nothing.
 #pragma once
 
+#include <cstdint>
 #include <limits>
 #include <map>
 #include <string>

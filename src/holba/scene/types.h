@@ -2,6 +2,7 @@
 // Ids and indices, as in COLMAP: an id is a key, an idx counts from 0.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <limits>
 

@@ -6,6 +6,8 @@
 // series.
 #pragma once
 
+#include <cstdint>
+
 #include "holba/simd/pack.h"
 
 namespace holba::HOLBA_SIMD_TARGET {

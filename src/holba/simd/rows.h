@@ -4,6 +4,7 @@
 // and Jacobians of points took 1.8 times as long on Zen 4. Only for X_simd.cc files (targets.h).
 #pragma once
 
+#include <cstdint>
 #include <utility>
 
 #include "holba/simd/pack.h"

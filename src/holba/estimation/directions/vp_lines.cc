@@ -160,8 +160,9 @@ LineLabelReport LabelLines(const LineLabelOptions& options, Reconstruction* mode
     const double max_px = options.max_error_px;
     const double max_held_px = options.max_error_factor * ErrorPx(segments, line.line, max_px) +
                                options.error_allowance_px;
+    const Eigen::Vector3d middle = 0.5 * (line.start + line.end);
     const auto best = std::find_if(candidates.begin(), candidates.end(), [&](size_t i) {
-      const auto held = FitAlong(segments, directions[i], 0.5 * (line.start + line.end));
+      const auto held = FitAlong(segments, directions[i], middle);
       return held && ErrorPx(segments, *held, max_px) <= max_held_px;
     });
     if (best == candidates.end()) {

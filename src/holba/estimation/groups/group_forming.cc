@@ -337,9 +337,9 @@ class GroupFormer {
     std::unordered_map<point3D_t, std::vector<group3D_t>> by_point;
     std::unordered_map<line3D_t, std::vector<group3D_t>> by_line;
     for (const auto& [id, group] : model_.groups3D) {
-      const auto visit = [&](std::vector<group3D_t>& others) {
+      const auto visit = [&, id = id, type = group.type](std::vector<group3D_t>& others) {
         for (const group3D_t other : others) {
-          if (model_.groups3D.at(other).type == group.type) add(other, id);
+          if (model_.groups3D.at(other).type == type) add(other, id);
         }
         others.push_back(id);
       };

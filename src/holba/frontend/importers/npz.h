@@ -4,6 +4,7 @@
 // Fortran order; no pickled objects, structures or texts.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <string>

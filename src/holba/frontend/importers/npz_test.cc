@@ -65,7 +65,9 @@ TEST(Npy, EveryHalfPrecisionNumberIsSignTimesFractionTimesPower) {
     const double sign = i & 0x8000 ? -1.0 : 1.0;
     if (exponent == 31) {
       EXPECT_EQ(std::isnan(values[i]), fraction != 0.0);
-      if (fraction == 0.0) EXPECT_EQ(values[i], sign * INFINITY);
+      if (fraction == 0.0) {
+        EXPECT_EQ(values[i], sign * INFINITY);
+      }
     } else {
       const double expected = exponent == 0 ? fraction * std::ldexp(1.0, -14)
                                             : (1.0 + fraction) * std::ldexp(1.0, exponent - 15);
@@ -203,7 +205,9 @@ TEST(Npz, EveryByteMayBeAnything) {
           const NpzArchive archive(bytes, "changed");
           for (const std::string& name : archive.Names()) {
             const NumericArray array = archive.Read(name);
-            if (original.Contains(name)) EXPECT_EQ(array.bytes, original.Read(name).bytes);
+            if (original.Contains(name)) {
+              EXPECT_EQ(array.bytes, original.Read(name).bytes);
+            }
             ++num_read;
           }
         } catch (const InputError&) {

@@ -4,6 +4,7 @@
 // written and read back the same.
 #pragma once
 
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <sstream>

@@ -7,6 +7,7 @@
 #include <ceres/loss_function.h>
 #include <ceres/manifold.h>
 
+#include <cstdint>
 #include <vector>
 
 #include "holba/problem/problem.h"

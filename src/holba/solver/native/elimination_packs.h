@@ -2,6 +2,8 @@
 // What the files X_simd.cc of elimination.h share. Only for those (simd/targets.h).
 #pragma once
 
+#include <cstdint>
+
 #include "holba/simd/pack.h"
 #include "holba/simd/rows.h"
 #include "holba/solver/native/elimination.h"

@@ -3,6 +3,7 @@
 // passes of an iteration over the residuals. elimination.h has the equations.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
