@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Symmetric matrices of small dense blocks, lower triangle stored: the reduced camera system.
+// Symmetric matrices of small dense blocks, such as the reduced system; the lower triangle is
+// stored.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,7 +13,7 @@
 
 namespace holba {
 
-// Which blocks there are. A node is a group of unknowns (a pose, the intrinsics of a camera).
+// Which blocks a matrix has. A node is a set of unknowns (a pose, the intrinsics of a camera).
 struct BlockPattern {
   static constexpr int kMaxWidth = kMaxBlockWidth;
 
@@ -22,18 +23,19 @@ struct BlockPattern {
   // Derived from the above by Finish():
   std::vector<size_t> offset;  // of each node's unknowns in plain vectors, and num_unknowns
   size_t num_unknowns = 0;
-  bool full = false;  // every block of the lower triangle is there
+  bool full = false;  // the pattern has every block of the lower triangle
 
   int num_nodes() const { return static_cast<int>(widths.size()); }
   size_t num_blocks() const { return column.size(); }
-  // Block (a, b), a >= b; num_blocks() if it is not there.
+  // Index of block (a, b), a >= b; num_blocks() if the pattern does not have it.
   size_t Find(int a, int b) const;
 
-  // To be called once widths, row_start and column are filled; CHECKs what they promise.
+  // Must be called after widths, row_start and column are filled; CHECKs that they are valid.
   void Finish();
 };
 
-// Doubles at a multiple of 64 bytes, with some on either side that may be read and mean nothing.
+// Doubles at a multiple of 64 bytes. Some doubles on either side may be read; their values mean
+// nothing.
 class AlignedDoubles {
  public:
   AlignedDoubles() = default;
@@ -51,8 +53,8 @@ class AlignedDoubles {
   size_t size_ = 0;
 };
 
-// Block (a, b), a >= b, lies column by column: widths[b] columns of PaddedWidth(widths[a]) doubles;
-// what is in the padding is never used. A diagonal block is stored whole, both triangles.
+// Block (a, b), a >= b, is stored column by column: widths[b] columns of PaddedWidth(widths[a])
+// doubles. The padding is never used. A diagonal block is stored with both triangles.
 struct BlockMatrix {
   BlockMatrix() = default;
   // All zero. `pattern` must outlive the matrix.
@@ -67,9 +69,9 @@ struct BlockMatrix {
 
   void SetZero(int num_threads = 1);
 
-  // y = S x, plain vectors of num_unknowns; x and y are apart. The result does not depend on the
-  // number of threads. `scratch` keeps its memory from call to call (ReserveScratch: from the
-  // first).
+  // y = S x, plain vectors of num_unknowns that do not overlap. The result does not depend on the
+  // number of threads. `scratch` keeps its memory from call to call; after ReserveScratch not even
+  // the first call allocates.
   void Multiply(const double* x, double* y, int num_threads, std::vector<double>* scratch) const;
   static void ReserveScratch(const BlockPattern& pattern, std::vector<double>* scratch);
 

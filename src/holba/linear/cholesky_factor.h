@@ -13,13 +13,13 @@ class CholeskyFactor {
  public:
   virtual ~CholeskyFactor() = default;
 
-  // Of S, or with `scale` (num_unknowns entries, and kScaleMargin more on either side that may be
-  // read) of diag(scale) S diag(scale). False: a pivot is not above min_pivot.
+  // Factorises S, or diag(scale) S diag(scale) unless `scale` is null: num_unknowns entries, with
+  // kScaleMargin entries on either side that may be read. False: a pivot is not above min_pivot.
   static constexpr int kScaleMargin = 16;
   virtual bool Factorise(const BlockMatrix& S, const double* scale, double min_pivot) = 0;
-  // Solves with what was factorised; b and x are plain vectors and may be the same.
+  // Solves with the factorised matrix; b and x are plain vectors and may be the same.
   virtual void Solve(const double* b, double* x) = 0;
-  // Z = blocks of the inverse of what was factorised.
+  // Z = blocks of the inverse of the factorised matrix.
   virtual void SelectedInverse(BlockMatrix* Z) = 0;
   virtual double Flops() const = 0;
   virtual size_t MemoryBytes() const = 0;
@@ -34,8 +34,8 @@ std::unique_ptr<CholeskyFactor> MakeSparseFactor(const BlockPattern& pattern,
                                                  std::shared_ptr<const Elimination> elimination,
                                                  int num_threads);
 
-// Numbers for factors, at a multiple of 64 bytes, all zero. (Large pages make factors 4 % faster,
-// but the first of them in a process may cost a second to get.)
+// Memory for factors at a multiple of 64 bytes, all zero. Large pages would make factors 4 %
+// faster, but the first one in a process may take a second to allocate.
 template <typename Real>
 class FactorMemory {
  public:

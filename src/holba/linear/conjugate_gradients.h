@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Preconditioned conjugate gradients (Hestenes and Stiefel 1952) for A x = b, A symmetric positive
-// definite and known by its product alone. Ends by the decrease of the quadratic model (Nash and
-// Sofer 1990), as inexact Newton steps need it, or by the residual. Sums are taken in a fixed
-// order.
+// Preconditioned conjugate gradients (Hestenes and Stiefel 1952) for A x = b, where A is symmetric
+// positive definite and given by its product with vectors. The iteration ends by the decrease of
+// the quadratic model (Nash and Sofer 1990), which suits inexact Newton steps, or by the residual.
+// Sums are taken in a fixed order.
 #pragma once
 
 #include <cstddef>
@@ -14,22 +14,22 @@
 
 namespace holba {
 
-// y = A x, plain vectors of one size; x and y are apart.
+// y = A x, plain vectors of one size that do not overlap.
 class LinearOperator {
  public:
   virtual ~LinearOperator() = default;
   virtual void Apply(const double* x, double* y) = 0;
 };
 
-// z = M^-1 r, plain vectors of one size; r and z are apart. M is symmetric positive definite.
+// z = M^-1 r, plain vectors of one size that do not overlap. M is symmetric positive definite.
 class Preconditioner {
  public:
   virtual ~Preconditioner() = default;
   virtual void Apply(const double* r, double* z) = 0;
 };
 
-// The product with a matrix that is there in memory. `matrix` must outlive it; what it holds may
-// change between products.
+// The product with a matrix in memory. `matrix` must outlive this object; its values may change
+// between products.
 class BlockMatrixOperator : public LinearOperator {
  public:
   explicit BlockMatrixOperator(const BlockMatrix* matrix, int num_threads = 1)
@@ -46,9 +46,9 @@ class BlockMatrixOperator : public LinearOperator {
 
 struct ConjugateGradientsOptions {
   int max_iterations = 500;
-  int min_iterations = 0;  // before this many neither test below ends the iteration
-  // Ends once i * (Q_i - Q_{i-1}) / Q_i < eta, where Q_i = x^T A x / 2 - b^T x after iteration i:
-  // the last step gained less than eta times the average one. 0: off.
+  int min_iterations = 0;  // the tests below apply from this number of iterations on
+  // The iteration ends when i * (Q_i - Q_{i-1}) / Q_i < eta, where Q_i = x^T A x / 2 - b^T x after
+  // iteration i: the last step decreased Q by less than eta times the average step. 0: off.
   double eta = 0.1;
   double residual_tolerance = 0.0;  // ends once |r| <= residual_tolerance * |b|; 0: off
 };
@@ -69,12 +69,13 @@ struct ConjugateGradientsResult {
   double model_change = 0.0;       // Q(x), <= 0: what the quadratic model says that x gains
 };
 
-// Keeps its vectors from call to call: nothing is allocated once a size was seen.
+// Keeps its vectors from call to call, so a call with a size that was seen before allocates
+// nothing.
 class ConjugateGradients {
  public:
-  // b and x: plain vectors of `size`, apart. Starts at x = 0, so that every iterate lowers Q: x is
-  // a descent direction however it ended, or 0 if there was no first step (iterations == 0).
-  // `preconditioner` null: none.
+  // b and x are plain vectors of `size` that do not overlap. Starts at x = 0, so that every
+  // iteration decreases Q: x is a descent direction for every end, or 0 if iterations == 0. A null
+  // preconditioner means none.
   ConjugateGradientsResult Solve(LinearOperator* A, Preconditioner* preconditioner, size_t size,
                                  const double* b, const ConjugateGradientsOptions& options,
                                  double* x);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Front: a dense symmetric matrix of which the first columns are eliminated by Cholesky:
 //   [A11 .; A21 A22] -> L11, L21 with A11 = L11 L11^T, A21 = L21 L11^T, and A22 - L21 L21^T.
-// A whole dense matrix is a front with nothing remaining; a sparse factor is a tree of fronts.
+// A dense matrix is a front with no remaining rows; a sparse factor is a tree of fronts.
 //
-// Stored in row panels (panel_kernels.h): `factor` holds the panels of the eliminated columns,
-// those of the triangle only as long as they reach; `update` the lower triangle of the remaining
-// part. The work is cut into tiles, the same ones for every number of threads; a tile subtracts
-// products in the order of their columns, so that results repeat bit for bit.
+// A front is stored in row panels (panel_kernels.h): `factor` has the panels of the eliminated
+// columns, of which those of the triangle L11 end at the diagonal; `update` has the lower triangle
+// of the remaining part. The work is cut into tiles that do not depend on the number of threads. A
+// tile subtracts products in the order of their columns, so results repeat bit for bit.
 #pragma once
 
 #include <atomic>
@@ -84,9 +84,9 @@ class FrontTiling {
   int num_eliminated_ = 0, num_remaining_ = 0;
 };
 
-// Does the work of one tile, once it has waited for the tiles that it reads: done[Index(..)] is to
-// hold `round`, and does so for this tile afterwards. `done` null: nothing to wait for, the tiles
-// are run in order by one thread. A pivot not above min_pivot sets *failed; tiles run after that do
+// Does the work of one tile after waiting for the tiles that it reads: a tile is finished when its
+// entry of `done` holds `round`, which this call sets for its own tile. A null `done` means that
+// one thread runs the tiles in order. A pivot not above min_pivot sets *failed; later tiles then do
 // nothing.
 template <typename Real>
 void EliminateTile(const PanelFront<Real>& front, const FrontTiling& tiling, int index,

@@ -15,18 +15,18 @@
 namespace holba {
 namespace {
 
-// Residual, relative to b, at which Solve is content; S is scaled to a unit diagonal.
+// Solve stops at this residual relative to b, with S scaled to a unit diagonal.
 constexpr double kResidual = 1e-12;
-// The same relative to x: what a factor in double leaves by rounding.
+// The same relative to x: the rounding of a factor in double.
 constexpr double kRounding = 1e-15;
-// Conjugate gradients on a float factor need 2 to 4 iterations; a factor this much worse is no
-// good.
+// Conjugate gradients with a float factor need 2 to 4 iterations. Above this number the factor
+// counts as broken.
 constexpr int kMaxIterations = 40;
-// Up to here the recurrence of the residual has not drifted by more than rounding.
+// Up to this number of iterations the recurrence of the residual differs from it by rounding only.
 constexpr int kTrustedIterations = 8;
 // Pivots of a matrix of unit diagonal that float cannot tell from rounding.
 constexpr double kMinFloatPivot = 1e-6;
-// After a breakdown of float so many factors are made in double at once.
+// After a breakdown of float the next factors, this many, are computed in double at once.
 constexpr int kNumDoubleAfterBreakdown = 3;
 
 double Dot(const std::vector<double>& a, const std::vector<double>& b) {
@@ -142,7 +142,7 @@ class FactorSolver : public ReducedSolver {
     return true;
   }
 
-  // In the unknowns of S itself; the norms that decide are those of the scaled system.
+  // Works in the unknowns of S; the norms of the tests are those of the scaled system.
   bool SolveByConjugateGradients(const double* b, double* x) {
     const size_t n = pattern_.num_unknowns;
     std::copy_n(b, n, r_.begin());

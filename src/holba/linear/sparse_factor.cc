@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Sparse Cholesky factor of a block matrix: multifrontal (Duff and Reid 1983), a tree of fronts
-// (panel_front.h), each of which takes its blocks of S and what its children leave, eliminates its
-// nodes, and leaves the rest to its parent. Several threads take whole subtrees first, then tiles
-// of the fronts above them; sums are taken in one order all the same.
+// Multifrontal sparse Cholesky factor of a block matrix (Duff and Reid 1983): a tree of fronts
+// (panel_front.h). A front adds up its blocks of S and the updates of its children, eliminates its
+// nodes, and passes an update to its parent. Several threads take whole subtrees first, then tiles
+// of the fronts above them. The order of all sums is fixed.
 #include <algorithm>
 #include <atomic>
 #include <cstring>
@@ -21,7 +21,7 @@
 namespace holba {
 namespace {
 
-// A block of S in its front.
+// The place of a block of S in its front.
 struct BlockPlace {
   size_t block;     // in the pattern
   int row, column;  // of its first entry in the front, row >= column
@@ -125,13 +125,13 @@ class SparseFactor : public CholeskyFactor {
     int reach = 0;
     std::vector<int> children;
     std::vector<BlockPlace> blocks;
-    // Where each reached unknown is in the parent: for the first num_into_factor ones among its
-    // eliminated columns, for the others among its remaining rows.
+    // Place of each reached unknown in the parent: the first num_into_factor ones are among its
+    // eliminated columns, the others among its remaining rows.
     std::vector<int> target;
     int num_into_factor = 0;
     size_t factor_offset = 0, update_offset = 0, diagonal_offset = 0;
     size_t right_side_offset = 0, lanes_offset = 0;
-    // Of a front worked on by tiles:
+    // For a front that is eliminated by tiles:
     int num_update_tiles = 0;
     std::vector<std::atomic<uint32_t>> tile_done, row_assembled;
     std::atomic<int> tiles_left = 0;
@@ -211,13 +211,13 @@ class SparseFactor : public CholeskyFactor {
     lanes_ = FactorMemory<Real>(diagonal_size * kRows);
   }
 
-  // Each block belongs to the front that eliminates the earlier one of its nodes.
+  // A block belongs to the front that eliminates the earlier one of its nodes.
   void PlaceBlocks() {
     std::vector<int> supernode_of(pattern_.num_nodes());
     for (int s = 0; s < plan_->num_supernodes(); ++s) {
       for (int k = plan_->begin[s]; k < plan_->begin[s + 1]; ++k) supernode_of[k] = s;
     }
-    // Blocks by front and by their later node, so that rows are found by one walk.
+    // Sorting blocks by front and by their later node finds all rows in one pass.
     struct Pair {
       int later, earlier;
       size_t block;
@@ -263,13 +263,13 @@ class SparseFactor : public CholeskyFactor {
     }
   }
 
-  // Subtrees small enough to share out, and above them fronts by tiles.
+  // Subtrees that are small enough to be tasks, and the tiles of the fronts above them.
   void PlanTasks() {
     const int num_supernodes = plan_->num_supernodes();
     std::vector<double> subtree_flops(num_supernodes);
     double total = 0.0;
     for (int s = 0; s < num_supernodes; ++s) {
-      // Operations of small fronts count for more: memory and latencies.
+      // The constants stand for memory traffic and latencies, which dominate small fronts.
       const double own = FlopsOf(fronts_[s]) +
                          20.0 * fronts_[s].front.remaining * fronts_[s].front.remaining + 30e3;
       subtree_flops[s] += own;
@@ -305,7 +305,7 @@ class SparseFactor : public CholeskyFactor {
       }
       f.num_update_tiles = f.tiling.num_tiles();
     }
-    // A front that is assembled at once reads S as it lies in memory.
+    // A front that is assembled at once reads S in the order of its memory.
     for (int s = 0; s < num_supernodes; ++s) {
       if (is_top_[s]) continue;
       std::sort(fronts_[s].blocks.begin(), fronts_[s].blocks.end(),
@@ -313,7 +313,7 @@ class SparseFactor : public CholeskyFactor {
     }
   }
 
-  // Places for what fronts leave to their parents.
+  // Places of the updates that fronts pass to their parents.
   void PlanUpdates() {
     std::vector<size_t> sizes;
     for (const Front& f : fronts_) {
@@ -363,7 +363,7 @@ class SparseFactor : public CholeskyFactor {
     }
   }
 
-  // Panels [first, end) of front s: zero, its blocks of S, and what its children left.
+  // Assembles the panels [first, end) of front s from its blocks of S and its children's updates.
   void Assemble(int s, int first, int end, const BlockMatrix& S, const double* scale) {
     Front& f = fronts_[s];
     const PanelFront<Real>& front = f.front;
@@ -428,7 +428,7 @@ class SparseFactor : public CholeskyFactor {
     }
   }
 
-  // What `child` left, into rows [first_row, end_row) of `f`.
+  // Adds the update of `child` to the rows [first_row, end_row) of `f`.
   void AddChild(const Front& f, const Front& child, int first_row, int end_row) {
     const PanelKernels<Real>& kernels = CurrentPanelKernels<Real>();
     const PanelFront<Real>& front = f.front;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Memory for what the fronts of a sparse factor leave to their parents.
+// Memory for the updates that the fronts of a sparse factor pass to their parents.
 #pragma once
 
 #include <cstddef>
@@ -14,10 +14,11 @@ struct UpdatePlan {
   size_t size = 0;             // of the memory for all
 };
 
-// sizes: of each supernode's update, which lives from the work on its front to the assembly of its
-// parent's. subtrees: roots of subtrees that are worked on by one thread each, at the same time as
-// others; every other front comes after its children. Memory is used again once its reader is done
-// and the next writer is sure to come after that: in the same subtree, or above the reader.
+// sizes: of the update of each supernode, which is needed from the elimination of its front to the
+// assembly of its parent's front. subtrees: roots of subtrees, each of which one thread works on
+// while others work on other subtrees; every other front comes after its children. Memory is used
+// again by a writer that certainly comes after the reader: one in the same subtree or above the
+// reader.
 UpdatePlan PlanUpdateMemory(const Elimination& plan, const std::vector<int>& subtrees,
                             const std::vector<size_t>& sizes);
 

@@ -44,11 +44,11 @@ class Problem {
   // `kind` must outlive the problem: a string literal, or the name of a group type.
   BlockId AddBlock(std::string_view kind, const ManifoldOps& manifold, BlockRole role,
                    std::span<const double> values);
-  // Refuses (CheckError, naming term and blocks) a batch with a residual of two variable features,
-  // or whose slots do not fit the blocks.
+  // Refuses a batch with a residual of two features, or with slots that do not fit their blocks: a
+  // CheckError that names the term and the blocks.
   void AddBatch(std::unique_ptr<ResidualBatch> batch);
 
-  // Memory for so many blocks and values.
+  // Reserves memory for this many blocks and values.
   void Reserve(size_t num_blocks, size_t num_values);
 
   size_t num_blocks() const { return blocks_.size(); }
@@ -62,7 +62,7 @@ class Problem {
   const std::vector<double>& state() const { return state_; }
   ParameterReader Reader() const { return {state_.data(), offsets_.data()}; }
 
-  size_t num_residuals() const;  // blocks of residuals over all batches
+  size_t num_residuals() const;  // over all batches; one observation is one residual
 
  private:
   std::vector<ParameterBlock> blocks_;
@@ -71,33 +71,35 @@ class Problem {
   std::vector<std::unique_ptr<ResidualBatch>> batches_;
 };
 
-// Costs of one term (its batches together) at one state.
+// Cost of one term, which may have several batches, at one state.
 struct TermCost {
   std::string term;
   bool angular = false;
-  size_t residuals = 0;      // residual blocks, absent ones included
-  size_t absent = 0;         // undefined at this state, counting nothing
+  size_t residuals = 0;      // including the absent ones
+  size_t absent = 0;         // undefined at this state; they add nothing to the sums
   double sum_squares = 0.0;  // of the residual norms, before weight and loss
   double cost = 0.0;         // half of the weighted, robustified sum
 };
 
-// In the order in which the terms were added. Sums are taken in a fixed order.
+// Costs of all terms at the problem's state, in the order in which the terms were added. Sums are
+// taken in a fixed order.
 std::vector<TermCost> EvaluateTerms(const Problem& problem);
 
-// Norms of the present residuals of a term; `components`: absolute values of the single components
-// instead.
+// Norms of the present residuals of a term; with `components` the absolute values of their single
+// components instead.
 std::vector<double> ResidualNorms(const Problem& problem, std::string_view term, bool components);
 
-// Free tangent coordinates of all kept blocks.
+// Number of variable tangent coordinates of all kept blocks.
 size_t NumKeptUnknowns(const Problem& problem);
 
-// Structure of the reduced system, what is left when the features are eliminated.
+// The reduced system: the system of the kept unknowns after the features are eliminated.
 struct ReducedSystem {
   size_t size = 0;       // scalar unknowns
   double density = 0.0;  // share of its entries that are structurally non-zero
-  double pose_density =
-      0.0;  // share of the pairs of poses that are coupled (paper, "Schur density")
-  double pose_density_without_wireframe = 0.0;  // the same without the wireframe terms
+  // Share of the pairs of poses that are coupled (paper, "Schur density"), with and without the
+  // terms of the wireframe.
+  double pose_density = 0.0;
+  double pose_density_without_wireframe = 0.0;
 };
 ReducedSystem AnalyseReducedSystem(const Problem& problem);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Residuals of one kind form a batch: same dimension, same kinds of blocks in the same slots. A
-// range of them is evaluated in one call, into structure-of-arrays panels.
+// A batch has residuals of one kind: they have the same dimension and the same kinds of blocks in
+// the same slots. One call evaluates a range of them into structure-of-arrays panels.
 #pragma once
 
 #include <array>
@@ -21,19 +21,19 @@ inline constexpr int kMaxSlots = 4;
 inline constexpr int kMaxResidualDim = 6;
 inline constexpr int kMaxTangent = 16;
 
-// Where a batch reads parameters: of residual i, slot s.
+// The parameters that a batch reads.
 class ParameterReader {
  public:
-  // From one state vector; offsets by block id.
+  // Parameters in a state vector, with an offset for each block id.
   ParameterReader(const double* state, const size_t* block_offsets)
       : state_(state), offsets_(block_offsets) {}
-  // A range of one: the blocks of its slots.
+  // Parameters of a single residual, by slot.
   explicit ParameterReader(const double* const* slots) : slots_(slots) {}
 
   const double* At(int slot, BlockId block) const {
     return slots_ ? slots_[slot] : state_ + offsets_[block];
   }
-  // Null for a range of one.
+  // Null if the parameters are those of a single residual.
   const double* state() const { return state_; }
   const size_t* offsets() const { return offsets_; }
 
@@ -43,7 +43,7 @@ class ParameterReader {
   const double* const* slots_ = nullptr;
 };
 
-// Residuals of a batch: begin, begin + 1, ... or, where a list is given, those of the list.
+// Residuals of a batch: those of the list or, without a list, begin, begin + 1, ...
 struct ResidualRange {
   size_t begin = 0;
   size_t count = 0;
@@ -52,26 +52,25 @@ struct ResidualRange {
   size_t operator[](size_t j) const { return list ? list[j] : begin + j; }
 };
 
-// Residuals evaluated side by side: panels whose stride is a multiple of this may be evaluated in
-// vectors.
+// Panels whose stride is a multiple of this are evaluated in vectors where the kernel can.
 inline constexpr size_t kPanelLanes = 8;
 
-// Entry k of the j-th residual of the range stands at [k * stride + j]; Jacobians are with respect
-// to the tangent of the block's manifold, row-major (entry row * tangent + column). If the stride
-// is a multiple of kPanelLanes, entries from the count of the range up to the next multiple of
-// kPanelLanes hold anything afterwards.
+// Entry k of the j-th residual of the range is at [k * stride + j]. Jacobians are with respect to
+// the tangent of the block's manifold, row-major (entry row * tangent + column). If the stride is a
+// multiple of kPanelLanes, an evaluation may overwrite the entries from the count of the range up
+// to the next multiple of kPanelLanes.
 struct ResidualPanel {
   size_t stride = 1;
   double* residuals = nullptr;
   std::array<double*, kMaxSlots> jacobians{};  // null: not wanted
-  // False: the residual is undefined here (behind the camera, degenerate projection); its entries
-  // are 0.
+  // False: the residual is undefined (behind the camera, degenerate projection) and its entries are
+  // 0.
   bool* present = nullptr;
 };
 
 class ResidualBatch {
  public:
-  // tangents: size of the tangent of each slot's block.
+  // tangents: tangent size of each slot's block.
   ResidualBatch(std::string term, int dim, std::vector<int> tangents)
       : term_(std::move(term)), dim_(dim), tangents_(std::move(tangents)) {}
   virtual ~ResidualBatch() = default;
@@ -98,7 +97,7 @@ class ResidualBatch {
 
  protected:
   void ReserveBlocks(size_t num_residuals) { blocks_.reserve(num_residuals * tangents_.size()); }
-  // Of one residual, a block for each slot.
+  // Adds the blocks of one residual, one for each slot.
   void AddBlocks(std::span<const BlockId> blocks) {
     blocks_.insert(blocks_.end(), blocks.begin(), blocks.end());
     ++size_;
@@ -115,8 +114,8 @@ class ResidualBatch {
 // A batch of a kernel: one residual is kernel.Evaluate(datum, parameters of its slots, residual,
 // Jacobians), returning whether it is present. Jacobians: row-major dim x tangent, null where not
 // wanted. A kernel may also have
-//   bool EvaluateVectorised(const VectorWork& work) const;  // false: not here, nothing was done
-// which does the same for a range in packs.
+//   bool EvaluateVectorised(const VectorWork& work) const;
+// which does the same for a range in packs, or returns false and does nothing.
 template <typename Kernel>
 class KernelBatch final : public ResidualBatch {
  public:
@@ -129,7 +128,7 @@ class KernelBatch final : public ResidualBatch {
     AddBlocks(blocks);
     data_.push_back(datum);
   }
-  // Memory for so many residuals.
+  // Reserves memory for this many residuals.
   void Reserve(size_t num) {
     ReserveBlocks(num);
     data_.reserve(num);
@@ -165,8 +164,7 @@ class KernelBatch final : public ResidualBatch {
       const size_t i = range[j];
       const double* values[kMaxSlots] = {};
       double* jacobians[kMaxSlots] = {};
-      const bool direct =
-          panel.stride == 1;  // a range of one: the kernel writes where it is wanted
+      const bool direct = panel.stride == 1;  // the kernel writes straight into the panel
       for (int s = 0; s < slots; ++s) {
         values[s] = parameters.At(s, block(i, s));
         if (panel.jacobians[s]) jacobians[s] = direct ? panel.jacobians[s] : storage[s];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// From evaluated residuals to the rows of the normal equations, and their cost.
+// Cost of evaluated residuals, and their weighting by weight and robust loss.
 #pragma once
 
 #include <cstddef>
@@ -8,8 +8,8 @@
 
 namespace holba {
 
-// Of the present residuals of a panel. Summed in an order that depends on nothing but the count and
-// the instruction set (simd/targets.h).
+// Cost of the present residuals of a panel. The order of the sums depends on nothing but the count
+// and the instruction set (simd/targets.h).
 struct PanelCost {
   double cost = 0.0;         // sum of weight * rho(s) / 2, s the squared norm of a residual
   double sum_squares = 0.0;  // sum of s
@@ -18,8 +18,8 @@ struct PanelCost {
 
 PanelCost CostOfPanel(const ResidualBatch& batch, size_t count, const ResidualPanel& panel);
 
-// The same, and multiplies residuals and Jacobians by sqrt(weight * rho'(s)). rho'' <= 0 for every
-// loss, so that there is no term of second order (as in Ceres).
+// The same, and multiplies residuals and Jacobians by sqrt(weight * rho'(s)). There is no term of
+// second order, as in Ceres, since rho'' <= 0 for every loss.
 PanelCost WeighPanel(const ResidualBatch& batch, size_t count, const ResidualPanel& panel);
 
 }  // namespace holba

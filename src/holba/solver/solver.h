@@ -18,12 +18,12 @@ enum class Backend { kNative, kCeres };
 // How the reduced system is solved; automatic: native by the least predicted work, Ceres by the
 // number of frames (COLMAP's bounds).
 enum class LinearSolver { kAuto, kDense, kSparse, kIterative };
-// kMixed: a factor in single precision, its solutions refined to double accuracy.
+// kMixed: a factor in single precision, whose solutions are refined to double accuracy.
 enum class FactorPrecision { kAuto, kDouble, kMixed };
-// Of the iterative solver. kBorder: poses one by one, groups and shared intrinsics, which all poses
-// see, together and with their couplings.
+// Preconditioner of the iterative solver. kBorder: the diagonal blocks of poses, and all of the
+// border of groups and shared intrinsics with its couplings.
 enum class PreconditionerType { kAuto, kBlockJacobi, kBorder, kPowerSeries };
-// Dense algebra of Ceres; kAuto: LAPACK from a size on where it is faster.
+// Dense library of Ceres; kAuto: LAPACK where the system is so large that it is faster.
 enum class CeresDenseLibrary { kAuto, kEigen, kLapack };
 
 struct IterationRecord {
@@ -43,7 +43,7 @@ struct SolverOptions {
   LinearSolver linear_solver = LinearSolver::kAuto;
   FactorPrecision precision = FactorPrecision::kAuto;
   PreconditionerType preconditioner = PreconditionerType::kAuto;
-  // Forcing term of the iterative solver: how inexact a step may be.
+  // Forcing term of the iterative solver (ConjugateGradientsOptions::eta).
   double eta = 0.1;
   CeresDenseLibrary ceres_dense_library = CeresDenseLibrary::kAuto;
   int num_threads = -1;
@@ -57,7 +57,7 @@ struct SolverOptions {
   // Whether the angular terms count in the function tolerance.
   bool termination_counts_angular = false;
 
-  // Fill the summary's reduced_system; otherwise only its size.
+  // Whether the summary has all of reduced_system, or only its size.
   bool analyse_reduced_system = false;
   // Called after every iteration; return false to stop there.
   std::function<bool(const IterationRecord&)> on_iteration;
@@ -70,7 +70,7 @@ std::string NameOf(StopReason reason);
 
 struct SolverSummary {
   std::string backend;
-  std::string linear_solver;  // that was used, with its library
+  std::string linear_solver;  // the one that was used, with its library
   int num_threads = 1;
   StopReason stop_reason = StopReason::kNothingToDo;
   std::string message;
@@ -78,21 +78,21 @@ struct SolverSummary {
   int accepted_steps = 0;
   double initial_cost = 0.0, final_cost = 0.0;
   std::vector<TermCost> initial_terms, final_terms;
-  // Seconds. Ceres does not tell its linear solver's parts apart: eliminate then holds all of it
-  // and factorise and back_substitute are negative (unknown).
+  // Ceres measures its linear solver as a whole: eliminate_seconds then has all of it, and
+  // factorise_seconds and back_substitute_seconds are negative (unknown).
   double build_seconds = 0.0, linearise_seconds = 0.0, eliminate_seconds = 0.0,
          factorise_seconds = -1.0, back_substitute_seconds = -1.0, total_seconds = 0.0;
-  std::vector<double> iteration_seconds;  // of the steps tried
+  std::vector<double> iteration_seconds;  // of each step tried
   ReducedSystem reduced_system;
 
   double MedianIterationSeconds() const;
 };
 
-// What one solve can leave for the next, for callers that solve many problems (a mapper's local
-// adjustments) or one problem many times: buffers, and, where the next problem has the structure of
-// the last one (the same blocks, roles, held coordinates and residuals; values, measurements,
-// losses and weights may differ), its analysis. Results are the same as without it, bit for bit. Of
-// one thread at a time; the native backend's only.
+// Memory and analysis that one solve leaves for the next, for callers that solve many problems (the
+// local adjustments of a mapper) or one problem many times. The analysis is used again if the next
+// problem has the structure of the last one: the same blocks, roles, held coordinates and
+// residuals, while values, measurements, losses and weights may differ. Results are the same bit
+// for bit as without a workspace. One thread may use it at a time; Ceres ignores it.
 class SolverWorkspace {
  public:
   SolverWorkspace();
@@ -100,7 +100,7 @@ class SolverWorkspace {
   SolverWorkspace& operator=(SolverWorkspace&&) noexcept;
   ~SolverWorkspace();
 
-  NativeWorkspace& Native();  // of the backend; made on first use
+  NativeWorkspace& Native();  // of the native backend; made on first use
 
  private:
   std::unique_ptr<NativeWorkspace> native_;

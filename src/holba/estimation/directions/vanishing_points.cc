@@ -16,7 +16,7 @@ namespace holba {
 namespace {
 
 constexpr double kRadPerDeg = std::numbers::pi / 180.0;
-// Two lines meet in any case: three are the fewest that agree on something.
+// Two lines always meet, so three are the fewest whose meeting says something.
 constexpr size_t kMinCluster = 3;
 // Sine of the angle of two planes below which their intersection is rounding.
 constexpr double kMinSine = 1e-9;
@@ -185,7 +185,7 @@ class Detection {
         return std::abs(d.dot(c.direction)) > min_cosine;
       });
     });
-    // Of a random direction with one of them: bands around great circles.
+    // Probability that a random direction is orthogonal to one of them: bands around great circles.
     const double chance_of_orthogonality = std::min(1.0, max_cosine * accepted.size());
     const Candidate* best = nullptr;
     bool best_stands_alone = false;
@@ -204,7 +204,7 @@ class Detection {
             return std::abs(d.dot(c.direction)) < max_cosine;
           });
       if (!stands_alone && !is_orthogonal) continue;
-      // Those that need another one come after all that do not.
+      // Candidates that need an orthogonal direction come after all that do not.
       if (!best || std::pair(stands_alone, c.members.size()) >
                        std::pair(best_stands_alone, best->members.size())) {
         best = &c;

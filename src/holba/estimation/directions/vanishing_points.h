@@ -29,19 +29,20 @@ struct VanishingPointOptions {
   uint64_t seed = 0;
   // Distinct lines that a vanishing point needs.
   int min_support = 8;
-  // The same where its direction is orthogonal to that of one that is accepted already.
+  // The same for a vanishing point whose direction is orthogonal to that of an accepted one.
   int min_orthogonal_support = 5;
   double max_orthogonality_error_deg = 3.0;
-  // Largest probability that as many of the segments that no other vanishing point has agree by
-  // chance with a given one, were they in random directions. In pictures full of short segments it
-  // takes more lines than in bare ones. It is one of the point, not of the picture, where hundreds
-  // of points are tried; but what is left over in pictures is less than random. Where the direction
-  // is orthogonal to another one, the probability of that counts as a factor.
+  // Largest probability that a vanishing point gets its number of lines by chance: that of as many
+  // segments agreeing with one given point, among those that no other vanishing point has, if their
+  // directions were random. Images with many short segments therefore need more lines. The
+  // probability is that of a single point although hundreds are tried per image; real leftover
+  // segments agree less often than random ones. For a direction orthogonal to an accepted one, the
+  // probability of being orthogonal by chance is a further factor.
   double max_chance = 0.01;
-  // Segments within this of the line of a longer one are pieces of the same line or edges of the
-  // same bar: they do not testify apart.
+  // Segments within this distance of the line of a longer segment are pieces of the same line or
+  // edges of the same bar: together they count as one line.
   double min_line_distance_px = 3.0;
-  // Nearer ones are one vanishing point, found twice.
+  // Two vanishing points nearer than this are one that was found twice.
   double min_angle_deg = 3.0;
 
   void Describe(OptionTable* table) const;

@@ -16,7 +16,7 @@
 namespace holba {
 namespace {
 
-// Lines in fewer images are not asked: two views always fix one, also a wrong one.
+// Lines in fewer images are left out: two views always define a line, even a wrong one.
 constexpr size_t kMinImages = 3;
 constexpr int kHeldIterations = 5;
 

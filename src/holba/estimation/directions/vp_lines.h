@@ -12,15 +12,15 @@
 namespace holba {
 
 struct LineLabelOptions {
-  // As for segments in images, and half a pixel for what separates a VP of all images from the
-  // best one of this.
+  // That of segments and vanishing points in one image, plus half a pixel: the vanishing point of
+  // all images is not the best one of each.
   double max_error_px = 1.5;
-  // Images in which a line must run to the vanishing point; of a line in fewer, but three: all.
+  // Number of images in which a line must run to the vanishing point. A line seen in fewer images,
+  // but at least three, must do so in all of them.
   int min_images = 4;
   double min_image_share = 0.8;
-  // What the segments of a line say about its direction does not fix where it is: a line through
-  // them along the vanishing point must fit them about as well as the line does. Largest root mean
-  // square distance of the ends: that of the line, times this, plus the allowance.
+  // A line turned to the vanishing point's direction must fit its segments about as well as before:
+  // the root mean square distance of their ends may grow by this factor and the allowance.
   double max_error_factor = 1.5;
   double error_allowance_px = 0.15;
   // A vanishing point of fewer lines says nothing about any of them.

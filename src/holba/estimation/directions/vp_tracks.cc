@@ -19,14 +19,15 @@ namespace holba {
 namespace {
 
 constexpr double kDegPerRad = 180.0 / std::numbers::pi;
-// Starts of the search for one direction: of more vanishing points of images an even selection.
+// Largest number of starts of the search for one direction; of more image vanishing points an even
+// selection is taken.
 constexpr size_t kMaxStarts = 500;
 constexpr int kMeanIterations = 10;
 // A member deviates by at most this many medians (4.5 of them are three standard deviations of a
 // normal distribution), but two degrees are allowed in any case.
 constexpr double kMaxMedians = 4.5, kAllowedDeg = 2.0;
 constexpr double kFewImagesShare = 0.6;
-// The first refit forgives errors of the start.
+// The first refit has a wider scale, because the start is inaccurate.
 constexpr double kFirstFactor = 3.0;
 
 double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
@@ -230,7 +231,7 @@ class TrackSearch {
     return false;
   }
 
-  // Empty: they are two.
+  // Empty: they are two directions.
   std::optional<Track> Joined(const Track& a, const Track& b) const {
     const double angle_deg = AngleDeg(a.direction, b.direction);
     const bool are_near = angle_deg < options_.merge_deg;
@@ -256,7 +257,8 @@ class TrackSearch {
   void Merge(std::vector<Track>* tracks) const {
     for (size_t i = 0; i < tracks->size(); ++i) {
       for (size_t j = i + 1; j < tracks->size();) {
-        // A track that is none itself may still make another one larger, but not worse.
+        // A track that would not be accepted alone may be added to another, which must stay as
+        // good.
         std::optional<Track> joint = Joined((*tracks)[i], (*tracks)[j]);
         if (!joint) {
           ++j;

@@ -15,17 +15,18 @@
 namespace holba {
 
 struct VpTrackOptions {
-  // A vanishing point of an image may belong to a direction this far from its own: those of few
-  // short segments are that uncertain.
+  // Largest angle between a direction and that of an image's vanishing point that belongs to it:
+  // vanishing points of few short segments are that uncertain.
   double max_deviation_deg = 10.0;
-  // Those of a true direction scatter by 0.15 to 0.7 degrees (median); coincidences by more than 2.
+  // Median deviations within one true direction are 0.15 to 0.7 degrees, those of coincidences
+  // more than 2.
   double max_median_deviation_deg = 2.0;
   // Images that must show it: as many as chance does not bring together, and a part of all of them;
   // no more than max_min_images however many there are. Of fewer than nine images 60 %, but two.
   int min_images = 5;
   double min_image_share = 0.25;
   int max_min_images = 20;
-  // Nearer directions are one, split.
+  // Directions nearer than this are one direction that was split.
   double merge_deg = 5.0;
   // Directions up to max_deviation_deg apart are one too if two image points of theirs have more
   // than this many lines in common and one direction fits the segments of both.

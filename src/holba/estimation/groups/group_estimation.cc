@@ -26,9 +26,10 @@ struct FitInput {
   }
 };
 
-// A surface through as many points as it has unknowns follows their noise; from some more on it is
-// stable enough for the local optimisation to start from. One of several faces (those take lines)
-// needs points on enough of them. 0: not from this kind.
+// Size of a random sample of points (or of lines); 0: the type is not sampled from them. A surface
+// through as few points as it has unknowns follows their noise, so that types with more than four
+// get some extra points. Types with several faces (those that take lines) get more, so that enough
+// faces have points.
 size_t SampleSize(const GroupType& type, bool of_points) {
   if (!of_points) return static_cast<size_t>(type.min_lines);
   const auto least = static_cast<size_t>(type.min_points);
@@ -36,8 +37,8 @@ size_t SampleSize(const GroupType& type, bool of_points) {
   return least + (type.TakesLines() ? 5 : 2);
 }
 
-// Points that are worth sampling: a labelled surface is one object, and what lies far from its
-// middle (three times as far as half of the points) carries a wrong label.
+// Points to draw samples from. A labelled surface is one object: points farther from its middle
+// than three times the median distance carry a wrong label.
 std::vector<uint32_t> Core(std::span<const FitPoint> points) {
   std::vector<uint32_t> core;
   if (points.empty()) return core;
@@ -179,7 +180,8 @@ std::optional<GroupFit> FitGroup(const GroupType& type, const GroupFeatures& fea
     }
     return input.Fit(type, g);
   };
-  // From wide to narrow: the first parameters are too rough to tell the members at the limit.
+  // The first refits take members from beyond the limit: a sample's parameters are too inaccurate
+  // to separate members at the limit itself.
   const auto optimise = [&](GroupFit fit) {
     for (const double factor : {3.0, 1.5, 1.0, 1.0}) {
       double g[kMaxGroupParams];
@@ -201,7 +203,7 @@ std::optional<GroupFit> FitGroup(const GroupType& type, const GroupFeatures& fea
     Random random(options.seed);
     int needed = options.max_samples;
     for (int sample = 0; sample < needed; ++sample) {
-      // From either kind in proportion to its number.
+      // Points or lines, in proportion to their numbers.
       const bool take_points =
           by_points && (!by_lines || random.Index(features.size()) < features.points.size());
       std::vector<uint32_t>& order = take_points ? points : lines;

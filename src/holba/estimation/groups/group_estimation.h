@@ -43,10 +43,10 @@ class FeatureLookup {
  public:
   explicit FeatureLookup(const Reconstruction& model) : model_(model), views_(model) {}
   const ViewMap& views() const { return views_; }
-  // Null: the model does not have it, or none of its images has it in front.
+  // Null: the model does not have the feature, or it lies behind all images that observe it.
   const FitPoint* Point(point3D_t id);
   const FitLine* Line(line3D_t id);
-  // Of those that are there and that the type takes.
+  // The features among these that are known and that the type takes.
   GroupFeatures Find(const GroupType& type, std::span<const point3D_t> point_ids,
                      std::span<const line3D_t> line_ids);
 
@@ -66,8 +66,8 @@ double GroupResidual(const GroupType& type, const double* g, const FitLine& line
 struct GroupFitOptions {
   double max_error_px = 4.0;
   double max_angle_deg = 3.0;  // for types of parallelism instead
-  // Samples are drawn until a right one has been among them with this probability, if the share of
-  // inliers is that of the best so far; 300 find one of five points at a share of 0.45.
+  // Probability that one of the samples holds inliers only, for the share of inliers of the best
+  // fit so far. 300 samples of five points reach it at a share of 0.45.
   double confidence = 0.999;
   int max_samples = 300;
   uint64_t seed = 0;

@@ -39,7 +39,7 @@ const char* FaultOfSupport(const GroupType& type, size_t num_points, size_t num_
 }
 
 MemberReport UpdateMembers(const MemberOptions& options, Reconstruction* model) {
-  // Look-ups first: they are shared and not for several threads.
+  // The look-up remembers what it found, so that it must be done before the threads start.
   FeatureLookup lookup(*model);
   std::vector<GroupFeatures> features;
   for (const auto& [id, group] : model->groups3D) {
@@ -61,7 +61,7 @@ MemberReport UpdateMembers(const MemberOptions& options, Reconstruction* model) 
     result.fit = FitGroup(type, features[k], fit_options, has_start ? start : nullptr);
     if (!result.fit) return;
     result.test = TestMembers(type, result.fit->residuals, options);
-    // The last word of the parameters is that of the members that stay.
+    // The final parameters are those of the members that stay.
     GroupFeatures kept;
     for (size_t i = 0; i < features[k].points.size(); ++i) {
       if (result.test.is_inlier[i]) kept.points.push_back(features[k].points[i]);

@@ -46,13 +46,15 @@ struct MemberTest {
 MemberTest TestMembers(const GroupType& type, const std::vector<double>& residuals,
                        const MemberOptions& options);
 
-// Why a group of so many inliers among its members is not kept; null: it is. Beside the options'
-// bounds, a surface of more than three unknowns needs more features than determine it: any do.
+// Reason why a group with these numbers of inliers is not kept; null: it is kept. Beside the
+// bounds of the options, a surface of more than three unknowns needs more features than determine
+// it: as many as determine it always fit.
 const char* FaultOfSupport(const GroupType& type, size_t num_points, size_t num_lines,
                            size_t num_members, const MemberOptions& options);
 
-// For every group: parameters by FitGroup, from the present ones or new samples; members tested;
-// parameters refitted to those that stay. Features that the model no longer has are dropped.
+// For every group: estimates its parameters by FitGroup (starting from the present ones), tests its
+// members, and refits the parameters to those that stay. Drops features that the model no longer
+// has.
 MemberReport UpdateMembers(const MemberOptions& options, Reconstruction* model);
 
 }  // namespace holba

@@ -17,7 +17,7 @@
 namespace holba {
 namespace {
 
-// A region, with the triangulated features in it, ascending.
+// A region with its triangulated features, ascending.
 struct Region {
   GroupObservation place;
   const GroupType* type;
@@ -129,7 +129,7 @@ class GroupFormer {
     return angle * 180.0 / std::numbers::pi <= options_.max_normal_angle_deg;
   }
 
-  // How many of the region's features are members.
+  // Number of the region's features that are members.
   static size_t NumMembers(const Region& region, const std::vector<point3D_t>& points,
                            const std::vector<line3D_t>& lines) {
     return NumCommon(region.points, points) + NumCommon(region.lines, lines);
@@ -355,7 +355,7 @@ class GroupFormer {
         .residuals;
   }
 
-  // The common parameters of two groups, if they suit both.
+  // The common parameters of two groups. Empty: they do not fit both.
   std::optional<GroupFit> FitBoth(const Group3D& a, const Group3D& b) {
     const GroupType& type = *a.type;
     std::vector<point3D_t> points = a.point3D_ids;
@@ -402,7 +402,7 @@ class GroupFormer {
         a.params = both->FileParams(*a.type);
         model_.MergeGroups3D(pair.first, pair.second);
         ++report_.merged;
-        // What had been refused may fit the new parameters.
+        // A pair that was refused before may fit the new parameters.
         std::erase_if(refused, [&](const auto& other) {
           return other.first == pair.first || other.second == pair.first;
         });

@@ -21,10 +21,10 @@ struct GroupFormingOptions {
   // The relaxed 3D threshold is members.fit.max_error_px; fine-grained refinement is the
   // adjustment's.
   MemberOptions members;
-  // Triangulated features by which a region joins a group, and two regions become one.
+  // Number of shared triangulated features at which a region joins a group or another region.
   int min_shared_with_group = 2;
   int min_shared = 3;
-  // A plane that deviates more than this from the normal that a network saw is not that region's.
+  // Largest angle between a plane and the normal that a network predicted for its region.
   double max_normal_angle_deg = 30.0;
   // Two groups become one if, for the members of both, the median distance from the common
   // parameters is at most so many times that from their own (or 0.25 px more).

@@ -72,14 +72,14 @@ class PlaneFinder {
     is_free_.assign(points_.size(), true);
     mark_.assign(points_.size(), 0);
     std::vector<FoundPlane> planes;
-    // The second search is among what is left, where the first one's samples were rare.
+    // The second search is among the remaining points, which had few samples in the first one.
     for (int search = 0; search < 2; ++search) {
       std::vector<FoundPlane> found = Search();
       report_.planes_found += found.size();
       planes.insert(planes.end(), found.begin(), found.end());
       Merge(&planes);
       Accept(/*counted=*/search == 1, &planes);
-      // Sets were taken greedily: where planes run side by side, each point now goes to its own.
+      // The search is greedy, so that a plane may have taken points of one beside it.
       for (int pass = 0; pass < 2; ++pass) Reassign(&planes);
       Merge(&planes);
       Accept(/*counted=*/search == 1, &planes);
@@ -258,7 +258,8 @@ class PlaneFinder {
     if (by_vps) {
       plane.n = vp_normals_[random->Index(vp_normals_.size())];
     } else {
-      // Near ones for small planes, all of the neighbourhood for a better base.
+      // Half of the samples are from the nearest third, for small planes; the others have a wider
+      // base.
       const size_t reach = std::min(
           nearest_[seed].size(), random->Index(2) == 0 ? kSampleNeighbours / 3 : kSampleNeighbours);
       uint32_t near[kSampleNeighbours];
@@ -274,7 +275,7 @@ class PlaneFinder {
                             v = points_[near[b]].X - points_[seed].X;
       const Eigen::Vector3d normal = u.cross(v);
       const double extent = std::max(u.norm(), v.norm());
-      // Three points nearly in a line, or nearer to each other than their noise, say nothing.
+      // Three points nearly on a line, or nearer to each other than their noise, define no plane.
       if (!(normal.norm() > 0.05 * extent * extent) || extent < 3.0 * points_[seed].limit) {
         return std::nullopt;
       }
@@ -304,9 +305,11 @@ class PlaneFinder {
     return found;
   }
 
-  // Hypotheses for all planes at once: every point is the seed of some.
+  // Draws the hypotheses for all planes at once; every point is the seed of some.
   void SampleAll() {
-    // The vanishing points' normals come on top: they take nothing from planes of other directions.
+    // Normals of vanishing points get samples of their own, so that planes of other directions have
+    // as
+    // many as without them.
     const size_t by_points = static_cast<size_t>(options_.samples_per_point);
     const size_t per_point = by_points + (vp_normals_.empty() ? 0 : 1);
     std::vector<std::optional<PlaneParams>> samples(points_.size() * per_point);
@@ -339,7 +342,7 @@ class PlaneFinder {
         h.bound = std::min(h.bound, h.score);
       }
     });
-    // Less than half the points of a plane in gain: no plane will come of it.
+    // A gain below a quarter of the fewest points does not lead to a plane.
     std::erase_if(hypotheses_, [this](const Hypothesis& h) {
       return h.bound < 0.25 * static_cast<double>(options_.min_component);
     });
@@ -415,8 +418,8 @@ class PlaneFinder {
     return std::abs(plane.Signed(points_[i].X)) / std::sqrt(std::max(variance, 1e-300));
   }
 
-  // Whether one plane is as good for both sets as their own: within the limits, or within what
-  // their depths are uncertain by (far facades fall into oblique pieces).
+  // Whether one plane fits both sets about as well as their own planes: within the limits or within
+  // the uncertainty of the depths (distant facades are often found as several oblique pieces).
   bool IsOnePlane(const FoundPlane& a, const FoundPlane& b, FoundPlane* both) const {
     if (AngleRad(a.params.n, b.params.n) > options_.merge_angle_deg * std::numbers::pi / 180.0) {
       return false;
@@ -439,7 +442,7 @@ class PlaneFinder {
       }
       const bool is_as_near = MedianRatio(both->params, part->members) <
                               1.3 * MedianRatio(part->params, part->members) + 0.05;
-      // 0.67 is expected.
+      // The expected median is 0.67.
       if (!is_as_near && Median(std::move(whitened)) > 1.0) return false;
     }
     return true;
@@ -462,8 +465,8 @@ class PlaneFinder {
     }
   }
 
-  // Every point to the plane that it is nearest to, among those that carry some of its
-  // neighbours; then each plane to its points, those at the limit counting little.
+  // Gives every point to the nearest plane among those of its neighbours, then refits each plane to
+  // its points, with small weights for points near the limit.
   void Reassign(std::vector<FoundPlane>* planes) const {
     std::vector<uint32_t> plane_of(points_.size(), kNoPlane), fresh(points_.size(), kNoPlane);
     for (uint32_t p = 0; p < planes->size(); ++p) {
@@ -530,7 +533,7 @@ class PlaneFinder {
   std::vector<uint32_t> queue_, inliers_;
 };
 
-// Normals that the vanishing points suggest: their directions, and those across two of them.
+// Likely normals of planes: directions of vanishing points, and normals of each two of them.
 std::vector<Eigen::Vector3d> NormalsOfVanishingPoints(const Reconstruction& model) {
   std::vector<Eigen::Vector3d> directions;
   for (const auto& [id, group] : model.groups3D) {

@@ -27,14 +27,14 @@ struct PlaneOptions {
   double max_distance_px = 2.0;
   // Points are neighbours if one is among the 10 nearest of the other and nearer than this.
   double max_neighbour_px = 60.0;
-  // Connected points below which there is no plane, and members below which it is not kept.
+  // Fewest connected points that make a plane, and fewest members of a plane that is kept.
   int min_component = 20;
   int min_points = 20;
   // Mean share, over the members, of the 12 nearest points that are members too: 0.6 to 0.94 on
   // facades, roofs and tables, 0.37 to 0.57 in bushes and clutter.
   double min_share = 0.6;
-  // Hypotheses that start at each point with two of its neighbours; where the model has vanishing
-  // points, one more has a normal from them.
+  // Hypotheses per point, each through the point and two of its neighbours. In a model with
+  // vanishing points, each point has one more hypothesis, whose normal is theirs.
   int samples_per_point = 2;
   int max_planes = 100;
   // Two planes nearer than this in direction become one if one plane explains the points of both.

@@ -66,7 +66,7 @@ struct PlaneExtent {
 
   double Distance(const Eigen::Vector3d& X) const { return std::abs(n.dot(X) + w); }
   bool IsNearMembers(const Eigen::Vector3d& X, double reach) const {
-    // Of the nearest, the second: a single stray member does not carry others.
+    // The second nearest decides: a single wrong member must not attract others.
     const std::vector<KdTree::Neighbour> nearest = tree.Nearest(X, 2);
     return nearest.size() == 2 && nearest[1].squared_distance <= reach * reach;
   }
@@ -101,15 +101,14 @@ std::vector<PlaneExtent> PlanesOf(const Reconstruction& model) {
   return planes;
 }
 
-// Why a feature that comes near a plane is not on it.
+// Whether a feature is on a plane and, if not, why.
 enum class Verdict : uint8_t { kFar, kOneEnd, kApart, kOther, kOn };
 
-// Planes that meet at less than this are side by side there: a feature is on one of them, the
-// nearest.
+// Of planes that meet at a smaller angle a feature is on the nearest only.
 constexpr double kSideBySideCosine = 0.866;  // 30 degrees
 
-// Of the planes that a feature may be on, leaves those that it is on. `is_member`: planes that it
-// is a member of already.
+// Decides which of the planes that a feature may be on it is on. `is_member`: planes of which it is
+// a member already.
 void Choose(const std::vector<PlaneExtent>& planes, const std::vector<double>& distances,
             const std::vector<bool>& is_member, std::vector<Verdict>* verdicts) {
   std::vector<size_t> taken, order;

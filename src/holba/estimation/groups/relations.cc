@@ -19,7 +19,8 @@ namespace {
 constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 // Median of the absolute value of a normal variable, inverted.
 constexpr double kSigmasPerMedian = 1.4826;
-// Of the variances across and along the members of a plane: below it they are a line to rounding.
+// Least ratio of the variances across and along the members of a plane; members below it are
+// collinear up to rounding.
 constexpr double kMinAspect = 1e-12;
 
 double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
@@ -33,7 +34,8 @@ struct Direction {
   double sigma_deg;
 };
 
-// Of the mean of the members' directions. The median forgives lines that are badly known.
+// Standard deviation of the mean of the members' directions, from the median of their deviations,
+// so that inaccurate lines count little.
 double FitSigmaDeg(const Reconstruction& model, const Group3D& vp, const Eigen::Vector3d& unit) {
   std::vector<double> angles;
   for (const line3D_t id : vp.line3D_ids) {
@@ -45,8 +47,9 @@ double FitSigmaDeg(const Reconstruction& model, const Group3D& vp, const Eigen::
   return kSigmasPerMedian * *middle / std::sqrt(static_cast<double>(angles.size()));
 }
 
-// Of the normal about the axis along which the members spread most: their distances from the plane
-// over their spread across that axis. Empty: they do not span a plane.
+// Standard deviation of the normal's angle about the axis along which the members spread most: the
+// members' distances from the plane over their spread across that axis. Empty: the members do not
+// span a plane.
 std::optional<double> PlaneSigmaDeg(const Reconstruction& model, const Group3D& plane) {
   std::vector<Eigen::Vector3d> points;
   for (const point3D_t id : plane.point3D_ids) points.push_back(model.points3D.at(id).xyz);
@@ -72,7 +75,7 @@ std::vector<Direction> Directions(const RelationOptions& options, const Reconstr
   std::vector<Direction> directions;
   for (const auto& [id, group] : model.groups3D) {
     const bool is_vp = group.type->IsParallelism();
-    // Other types with a direction (axes) are not what relations are defined for.
+    // Relations are not defined for other types with a direction (axes).
     if (!is_vp && group.type->name != "PLANE") continue;
     Direction direction = {id, group.type, {group.params[0], group.params[1], group.params[2]}, 0};
     direction.unit.normalize();

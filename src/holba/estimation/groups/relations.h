@@ -17,7 +17,7 @@ struct RelationOptions {
   // known: good planes agree with vanishing points within 1.7 degrees, bad ones miss by 15 and
   // more.
   double max_deviation_deg = 3.0;
-  // Nor beyond this many standard deviations of the angle.
+  // Largest deviation in standard deviations of the angle.
   double max_sigmas = 3.0;
   // Standard deviations that add to those of the fits: of a vanishing point by poses, calibration
   // and craftsmanship; of a plane by the relief of what it stands for.

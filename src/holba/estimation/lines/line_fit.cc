@@ -266,7 +266,7 @@ std::optional<std::pair<double, double>> ExtentOfLine(std::span<const LineSuppor
   std::sort(high.begin(), high.end(), std::greater<>());
   if (low[num_outliers] < high[num_outliers])
     return std::pair(low[num_outliers], high[num_outliers]);
-  // Images that show pieces apart from each other: all of them.
+  // In images that show separate pieces of the line, all pieces count.
   return std::pair(low[0], high[0]);
 }
 

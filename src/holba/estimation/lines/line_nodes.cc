@@ -13,16 +13,17 @@ namespace holba {
 namespace {
 
 constexpr double kRadian = std::numbers::pi / 180.0;
-// Consensus of two proposals of one segment.
+// Scales of the score between two proposals of one segment.
 constexpr double kScoreRelativeDepth = 0.015;
 constexpr double kScoreAngle3dDeg = 10.0;
-// Of a proposal and a segment of another image.
+// Scales of the score between a proposal and a segment of another image.
 constexpr double kScoreDistancePx = 2.0;
 constexpr double kScoreAngleDeg = 5.0;
 constexpr double kMinScoreOverlap = 0.05;
-constexpr double kLittleOverlap = 0.2;     // below it the angle's threshold falls ...
-constexpr double kLittleOverlapDeg = 1.0;  // ... down to this one
-// A proposal from one view alone must show up in other images.
+// For overlaps below this the angle's scale falls linearly to kLittleOverlapDeg.
+constexpr double kLittleOverlap = 0.2;
+constexpr double kLittleOverlapDeg = 1.0;
+// Scales of the test that a proposal from one view alone is seen in other images.
 constexpr double kCheckDistancePx = 2.0;
 constexpr double kCheckAngleDeg = 3.0;
 constexpr double kCheckOverlap = 0.4;
@@ -34,7 +35,7 @@ constexpr double kVanishingAngleDeg = 3.0;
 constexpr size_t kMinPlanePoints = 3;
 // A plane seen at a smaller angle gives no depth.
 constexpr double kMinPlaneAngleDeg = 3.0;
-// Of depths nearer than this one is enough.
+// Of depths that differ by less than this share only one is proposed.
 constexpr double kSameDepth = 0.005;
 constexpr size_t kMaxDepthsPerDirection = 3;
 constexpr size_t kMaxPlanesPerSegment = 3;
@@ -61,7 +62,7 @@ SegmentPlane PlaneOf(const SceneView& view, const SceneSegment& segment) {
   return {view.view.centre(), segment.ray_start, segment.ray_end, segment.normal};
 }
 
-// Score of 3D ends seen in a view against a segment there.
+// Score of a proposal with these ends against a segment of the view.
 double ScoreInImage(const SceneView& view, const SceneSegment& segment,
                     const Eigen::Vector3d& start, const Eigen::Vector3d& end, bool oriented) {
   const std::optional<Eigen::Vector2d> a = view.view.Project(start), b = view.view.Project(end);
@@ -91,10 +92,11 @@ double ScoreInImage(const SceneView& view, const SceneSegment& segment,
   return std::min(ScoreOf(angle, threshold), ScoreOf(distance, kScoreDistancePx));
 }
 
-// Candidates of one image pair in a match list, by segment of the first.
+// Matches of an image with one of its neighbours: for each segment, those of the neighbour with
+// their distances.
 using Adjacency = std::vector<std::vector<std::pair<uint32_t, float>>>;
 
-// Of a view with each of its neighbours.
+// Matches of a view with each of its neighbours.
 std::vector<Adjacency> AdjacencyOf(const LineScene& scene, uint32_t view_idx,
                                    const LineMatchMap& matches) {
   const SceneView& view = scene.views[view_idx];
@@ -185,7 +187,7 @@ class Placer {
   }
 
  private:
-  // Tests one pair beyond the epipolar band; adds it if it may be.
+  // Adds segment i of neighbour n to the candidates if angle, depth and descriptor allow it.
   void TestCandidate(uint32_t segment_idx, const SceneSegment& segment, size_t n, uint32_t i,
                      double iou, std::optional<float> distance) {
     const uint32_t other_idx = view_.neighbours[n];
@@ -238,7 +240,7 @@ class Placer {
     };
     const Eigen::Vector3f a = unit(fundamental_[n] * segment.ideal.start.homogeneous());
     Eigen::Vector3f b = unit(fundamental_[n] * segment.ideal.end.homogeneous());
-    // Which of the two senses of the second line makes no difference: that of the first.
+    // The sign of the second line is free; the distances below need that of the first.
     if (a.head<2>().dot(b.head<2>()) < 0.0f) b = -b;
     const float min_iou = static_cast<float>(options_.min_epipolar_iou);
     // Overlap of the other segment with its part between the two epipolar lines, from the signed
@@ -385,7 +387,8 @@ class Placer {
     }
   }
 
-  // The ends in other images, and the segments that lie there.
+  // Adds a proposal from one view alone if segments in enough other images lie where its ends are
+  // projected to.
   void CheckAndAdd(uint32_t segment_idx, const SceneSegment& segment, ProposalKind kind,
                    int32_t plane, const RayLengths& lengths) {
     if (!LengthsArePossible(segment, lengths)) return;
@@ -587,7 +590,7 @@ std::vector<std::vector<SegmentNode>> PlaceSegments(const LineOptions& options,
                                                     const LineScene& scene,
                                                     const LineMatchMap* matches, int num_threads,
                                                     NodeCounts* counts) {
-  // Chunks even out the threads where there are few images.
+  // Chunks of segments keep all threads busy where there are few images.
   constexpr uint32_t kChunk = 128;
   struct Task {
     uint32_t view, begin, end;

@@ -95,7 +95,7 @@ void AddNearPoints(std::vector<SeenPoint> seen, SceneView* view) {
     std::sort(near.begin(), near.end(), [](const NearPoint& a, const NearPoint& b) {
       return a.point_idx != b.point_idx ? a.point_idx < b.point_idx : a.distance_px < b.distance_px;
     });
-    // A point with two observations in one image: the nearer.
+    // Of a point with two observations in one image the nearer one counts.
     near.erase(std::unique(near.begin(), near.end(),
                            [](const NearPoint& a, const NearPoint& b) {
                              return a.point_idx == b.point_idx;

@@ -112,7 +112,7 @@ int32_t FindDirection(const LineScene& scene, const LineTrack& track) {
   return best;
 }
 
-// Tries a fit with a prior; taken if the pixels allow it.
+// Tries a fit with a prior and keeps it if the residuals in pixels allow it.
 bool TryPrior(const std::vector<LineSupport>& supports, const LinePrior& prior, double free_rms_px,
               LineTrack* track) {
   AnchoredLine line = track->line;
@@ -139,8 +139,8 @@ void HoldToGroups(const LineOptions& options, const LineScene& scene, LineTrack*
   if (options.vp_weight_px_per_rad > 0.0) {
     const int32_t direction = FindDirection(scene, *track);
     if (direction >= 0) {
-      // From far away (a free fit of a line in the plane of the cameras) the pixels pull weakly and
-      // the start decides: turn it first, about its middle.
+      // A free fit of a line in the plane of the cameras may be far from the direction, where the
+      // residuals hardly change: the line is first turned to it, about its middle.
       Eigen::Vector3d toward = scene.directions[direction];
       if (toward.dot(track->line.direction) < 0.0) toward = -toward;
       prior.direction = toward;
@@ -247,7 +247,7 @@ void MergeAndClaim(const LineOptions& options, const LineScene& scene, int num_t
   ParallelTasks(num_threads, tracks->size(), [&](size_t t) {
     hits[t] = FindHits(options, scene, owners, static_cast<int32_t>(t), (*tracks)[t]);
   });
-  // Of two tracks, the members of one that lie on the other: both ways.
+  // Number of members of one track that lie on the other, for both.
   std::map<std::pair<int32_t, int32_t>, size_t> votes;
   struct Claim {
     SegmentKey segment;

@@ -88,7 +88,7 @@ struct Estimate {
   Consensus consensus;
 };
 
-// Refines on the inliers until they stay the same; keeps the best that it meets.
+// Refines on the inliers until they stay the same; returns the best estimate on the way.
 Estimate LocallyOptimise(std::span<const PointView> views, Estimate best, double max_error_px) {
   constexpr int kMaxRounds = 5;  // inlier sets of a handful of views settle in two or three
   for (int round = 0; round < kMaxRounds && best.consensus.num_inliers >= 2; ++round) {

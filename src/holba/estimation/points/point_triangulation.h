@@ -43,7 +43,7 @@ struct TriangulatedPoint {
 };
 
 // Empty: no point in front of enough views explains enough observations; `failure`, if given, says
-// why. Without chance: the same views give the same point.
+// why. Repeatable: the same views give the same point.
 std::optional<TriangulatedPoint> TriangulatePoint(std::span<const PointView> views,
                                                   const PointTriangulationOptions& options,
                                                   PointTriangulationFailure* failure = nullptr);

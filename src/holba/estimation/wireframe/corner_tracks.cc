@@ -144,7 +144,8 @@ class CornerTriangulator {
     }
   }
 
-  // From the points that an image sees, generously: corners lie between them and somewhat beyond.
+  // Range of depths of an image, from the points that it sees. It is wider than theirs, because
+  // corners may lie somewhat beyond them.
   void FindDepths() {
     depths_.resize(views_.size());
     for (size_t i = 0; i < views_.size(); ++i) {
@@ -192,7 +193,7 @@ class CornerTriangulator {
     return pairs;
   }
 
-  // Of all pairs of images, best first.
+  // Matches of all pairs of images, best first.
   std::vector<Match> MatchPairs(const std::vector<std::pair<uint32_t, uint32_t>>& pairs) {
     std::vector<std::vector<CornerMatch>> by_pair(pairs.size());
     ParallelTasks(num_threads_, pairs.size(), [&](size_t i) {
@@ -293,7 +294,7 @@ class CornerTriangulator {
     }
   }
 
-  // Junctions with new observations to the optimum of all of theirs.
+  // Refines the junctions that have new observations on all of their observations.
   void FinishJunctions() {
     std::sort(extended_.begin(), extended_.end());
     extended_.erase(std::unique(extended_.begin(), extended_.end()), extended_.end());

@@ -219,7 +219,7 @@ class JunctionFinder {
         pairs.push_back({contact.line1, contact.line2, {}});
       }
       std::vector<Contact>& of_pair = pairs.back().contacts;
-      // Several segments of one line in an image: those that meet best.
+      // Of several segments of one line in an image, the pair that meets best counts.
       if (of_pair.empty() || of_pair.back().image != contact.image) of_pair.push_back(contact);
     }
     report->num_line_pairs = pairs.size();
@@ -235,7 +235,7 @@ class JunctionFinder {
             *Intersection(segments[contact.segment1], segments[contact.segment2])};
   }
 
-  // Leaves the pairs that meet in space and gives them their point.
+  // Removes the pairs that do not meet in space, and computes the points of the others.
   void CheckPairs(std::vector<LinePair>* pairs, JunctionReport* report) const {
     const double max_cosine = std::cos(options_.min_angle_deg * std::numbers::pi / 180.0);
     std::vector<const char*> reasons(pairs->size(), nullptr);
@@ -311,7 +311,7 @@ class JunctionFinder {
         for (const Contact& contact : pair.contacts) {
           const PointView at = ViewOf(contact);
           const auto x = at.view->Project(clusters[candidate].seed);
-          // Behind a camera that sees the pair: another place.
+          // A seed behind a camera that sees the pair is another place.
           sum_px += x ? (*x - at.ideal).norm() : 1e9;
         }
         const double mean_px = sum_px / static_cast<double>(pair.contacts.size());
@@ -388,7 +388,8 @@ class JunctionFinder {
     });
   }
 
-  // Without the lines that pass beside it, the worst first: they take part in the intersections.
+  // Removes the lines that pass beside the junction, the worst first, because each line takes part
+  // in the intersections.
   std::optional<Found> TriangulateCluster(Cluster cluster,
                                           std::map<std::string, size_t>* dropped) const {
     while (true) {

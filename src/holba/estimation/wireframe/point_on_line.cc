@@ -52,8 +52,8 @@ std::optional<Eigen::Matrix2d> LineCovariance(const Reconstruction& model, const
   if (!(scale.minCoeff() > 0.0)) return std::nullopt;
   const Eigen::Matrix4d scaled =
       scale.cwiseInverse().asDiagonal() * A * scale.cwiseInverse().asDiagonal();
-  // A line in one plane with all cameras is free to turn in it: 1e4 standard deviations of a
-  // single observation stand for that.
+  // A line in one plane with all cameras may turn freely in it: its standard deviation is then set
+  // to 1e4 of those of a single observation.
   const Eigen::LDLT<Eigen::Matrix4d> ldlt(scaled + 1e-8 * Eigen::Matrix4d::Identity());
   const Eigen::Matrix4d inverse = ldlt.solve(Eigen::Matrix4d::Identity());
   const Eigen::Vector2d unit = scale.head<2>().cwiseInverse();

@@ -36,7 +36,7 @@ class WireframeFormer {
   WireframeReport Form() {
     std::vector<Meeting> meetings;
     for (uint32_t i = 0; i < views_.size(); ++i) FindMeetings(i, &meetings);
-    // Of several segments of a line in an image the one that the point lies on.
+    // Of several segments of a line in an image, the one that the point lies on counts.
     const auto key = [](const Meeting& m) { return std::tie(m.point, m.line, m.image); };
     std::sort(meetings.begin(), meetings.end(), [](const Meeting& a, const Meeting& b) {
       return std::tuple(a.point, a.line, a.image, a.overshoot_px, std::abs(a.offset_px)) <
@@ -114,7 +114,7 @@ class WireframeFormer {
     }
   }
 
-  // Null: an edge. Otherwise why not.
+  // Null: the pair is an edge. Otherwise the reason why it is not.
   const char* Test(std::span<const Meeting> meetings) {
     const double count = static_cast<double>(meetings.size());
     if (count < options_.min_num_images) return "meet in too few images";

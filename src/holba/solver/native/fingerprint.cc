@@ -6,8 +6,7 @@
 namespace holba::native {
 namespace {
 
-// Two sums that each word goes into by way of a 64 x 64 -> 128 bit product, which mixes all bits
-// with all others.
+// Two running sums; a 64 x 64 -> 128 bit product mixes all bits of each word into both.
 class Mixer {
  public:
   void Add(uint64_t word) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// 128 bits of what the structure of a problem depends on: its blocks, their roles and what of them
-// is held, and which blocks its residuals hold; not values, measurements, losses or weights. Two
-// problems with the same one share a Structure.
+// A hash of all that the Structure of a problem depends on: its blocks with their roles and held
+// coordinates, and the blocks of its residuals, but no values, measurements, losses or weights.
+// Problems with the same fingerprint share a Structure.
 #pragma once
 
 #include <array>

@@ -8,15 +8,15 @@
 namespace holba::native {
 namespace {
 
-// Speeds measured on one core of a 2023 server with AVX-512; only their ratios matter.
+// Speeds of one core of a 2023 server with AVX-512. Only their ratios matter.
 constexpr double kDenseFlopsPerSecond = 1e11, kSparseFlopsPerSecond = 4e10;
 constexpr double kPairsPerSecond = 1e8;  // blocks of 6 x 6 that elimination adds to S
-// Of T, in products with S, from memory and where it fits into the caches.
+// Reading T in products with S, from memory and from the caches where it fits into them.
 constexpr double kStoredBytesPerSecond = 1e10, kCachedBytesPerSecond = 2e10, kCacheBytes = 4e6;
-// Products that conjugate gradients are taken to need for one step (eta 0.1), by the share of the
-// pairs of nodes that are coupled: errors travel in few products where all images share points, in
-// many along a street. Fitted: with these the choice was the faster one, or as fast, on ring,
-// random, near, collection and sequence scenes of 100 to 500 images.
+// Predicted number of products of one step by conjugate gradients (eta 0.1), from the share of the
+// pairs of nodes that are coupled: errors spread in few products where all images share points, and
+// in many along a street. The numbers are fitted: on ring, random, near, collection and sequence
+// scenes of 100 to 500 images no other choice was faster.
 constexpr double kProductsTimesDensity = 6.0, kMaxProducts = 100.0;
 // An exact step is worth this many inexact ones.
 constexpr double kInexactPenalty = 2.0;
@@ -48,7 +48,6 @@ LinearSolver ChooseLinearSolver(const Structure& structure, const BlockPattern& 
   const double iterative_seconds =
       products * 2.0 * stored_bytes /
       (stored_bytes < kCacheBytes ? kCachedBytesPerSecond : kStoredBytesPerSecond);
-  // The fill-in need not be known where elimination and a dense bound already decide.
   if (pattern.num_unknowns <= kMinSparseUnknowns) return direct;
   const double direct_seconds =
       structure.num_pairs / kPairsPerSecond +

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Which linear solver has the least predicted work.
+// The choice of the linear solver with the least predicted work.
 #pragma once
 
 #include "holba/linear/block_matrix.h"
@@ -8,10 +8,10 @@
 
 namespace holba::native {
 
-// Of the two direct ones.
+// Whether a sparse factor is faster than a dense one.
 bool IsSparseFaster(const BlockPattern& pattern);
 
-// Never kAuto. `pattern`: of the whole reduced system.
+// Never kAuto. `pattern` is that of the explicit form.
 LinearSolver ChooseLinearSolver(const Structure& structure, const BlockPattern& pattern);
 
 }  // namespace holba::native

@@ -12,8 +12,8 @@ namespace holba {
 
 class NativeWorkspace {
  public:
-  // Analyses the problem, and chooses the form of its reduced system and the solver that the options
-  // ask for.
+  // Analyses the problem, and chooses the form of its reduced system and the solver that the
+  // options ask for.
   void Begin(const Problem& problem, const SolverOptions& options, int num_threads);
   // The same for the explicit form and a direct solver of it. Null: no block is kept.
   ReducedSolver* BeginExplicit(const Problem& problem, int num_threads);

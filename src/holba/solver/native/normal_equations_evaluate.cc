@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Residuals and their costs: of a chunk's part, of what nothing moves, of residuals that are absent
-// here or there.
+// NormalEquations: evaluating residuals, and their costs. Residuals of constant blocks are
+// evaluated once; absent ones keep their last value.
 #include <algorithm>
 
 #include "holba/solver/native/normal_equations_data.h"
@@ -87,7 +87,7 @@ void NormalEquations::Evaluate(const ChunkPart& chunk_part, const double* state,
       break;
     }
   }
-  // The state may be the trial's: same offsets.
+  // The current and the trial state have the same offsets.
   const ParameterReader reader(state, problem_->Reader().offsets());
   batch.EvaluateRange(range, reader, out->panel);
   if (jacobians && !part.held.empty()) {
@@ -138,7 +138,7 @@ void NormalEquations::MakePanel(const ChunkPart& chunk_part, const Evaluated& ev
   panel->row_stride = part.row_stride;
 }
 
-// Absent residuals that were present before count what they were.
+// Adds the last value of residuals that are absent now.
 void NormalEquations::AddRemembered(const ChunkPart& chunk_part, const Evaluated& evaluated,
                                     TermCost* cost) const {
   const Part& part = structure_.parts[chunk_part.part];
@@ -184,7 +184,7 @@ void NormalEquations::CompareWithTrial(const ChunkPart& chunk_part, const Evalua
         r[k] = trial.panel.residuals[k * trial.panel.stride + j];
       double squares = 0.0, value = 0.0;
       AddValue(batch, r, &squares, &value);
-      // It was counted with the others that are present.
+      // The cost of the panel has it already.
       cost.sum_squares -= squares;
       cost.cost -= value;
       slice->appeared[part.batch_idx].sum_squares += squares;
