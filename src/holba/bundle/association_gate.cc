@@ -2,6 +2,7 @@
 #include "holba/bundle/association_gate.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -9,9 +10,10 @@
 #include <unordered_map>
 
 #include "holba/base/check.h"
-#include "holba/base/random.h"
 #include "holba/bundle/adjust_bundle.h"
 #include "holba/bundle/bundle_problem.h"
+#include "holba/residual/group_line_3d.h"
+#include "holba/robust/group_fit.h"
 
 namespace holba {
 namespace {
@@ -29,6 +31,8 @@ constexpr double kPriorMembers = 10.0;
 constexpr int kMaxHalvings = 6;
 constexpr int kMaxSamples = 200;
 constexpr double kSampleConfidence = 0.999;
+// A line has four unknowns: so many of its offsets from a group are independent at most.
+constexpr int kMaxDegreesOfFreedom = 4;
 
 struct PointEstimate {
   Eigen::Vector3d X;
@@ -103,10 +107,10 @@ double MeanSquareOfPassed(double variance, double confidence) {
 class Tester {
  public:
   Tester(const Reconstruction& model, const BundleProblem& features, double confidence)
-      : model_(model),
-        confidence_(confidence),
-        max_chi_square1_(ChiSquareQuantile(confidence, 1)),
-        max_chi_square2_(ChiSquareQuantile(confidence, 2)) {
+      : model_(model), confidence_(confidence) {
+    for (int dof = 1; dof <= kMaxDegreesOfFreedom; ++dof) {
+      max_chi_square_[dof] = ChiSquareQuantile(confidence, dof);
+    }
     const Problem& problem = features.problem;
     std::unordered_map<BlockId, Eigen::Matrix3d> point_information;
     std::unordered_map<BlockId, Eigen::Matrix4d> line_information;
@@ -146,7 +150,7 @@ class Tester {
     AssociationCount& edges = report_.counts["wireframe edges"];
     for (const WireframeEdge& edge : model_.wireframe) {
       ++edges.tested;
-      if (EdgeChiSquare(edge) < max_chi_square2_) continue;
+      if (EdgeChiSquare(edge) < max_chi_square_[2]) continue;
       ++edges.rejected;
       report_.filter.edges.emplace(edge.point3D_id, edge.line3D_id);
     }
@@ -154,39 +158,53 @@ class Tester {
   }
 
  private:
-  // Squared distance to the surface in standard deviations, 1 dof. Infinite where the projection is
-  // undefined.
-  static double ChiSquare(const GroupType& type, const double* g, const PointEstimate& point) {
+  // Squared offset of a member from a group in standard deviations of the member. Infinite where
+  // the projection is undefined.
+  struct Offset {
+    double chi_square = HUGE_VAL;
+    int degrees_of_freedom = 1;
+  };
+
+  // Distance to the surface.
+  static Offset OffsetOf(const GroupType& type, const double* g, const PointEstimate& point) {
     Eigen::Vector3d on_group;
-    if (!type.project_point(g, point.X, &on_group)) return HUGE_VAL;
+    if (!type.project_point(g, point.X, &on_group)) return {};
     const Eigen::Vector3d offset = point.X - on_group;
     const double squared = offset.squaredNorm();
-    if (squared == 0.0) return 0.0;
-    return squared * squared / offset.dot(point.covariance * offset);
+    if (squared == 0.0) return {0.0, 1};
+    return {squared * squared / offset.dot(point.covariance * offset), 1};
   }
 
-  // Of a line on a surface: the offsets of its two ends, 2 dof. Of a line of a vanishing point: its
-  // two angles.
-  static double ChiSquare(const GroupType& type, const double* g, const LineEstimate& line) {
-    if (type.IsParallelism()) {
-      Eigen::Vector3d v;
-      double unused[3 * kMaxGroupParams];
-      type.direction(g, &v, unused);
-      double angles[2];
-      const Eigen::Vector3d towards = v.dot(line.direction) < 0 ? Eigen::Vector3d(-v) : v;
-      UnitVector3::Minus(towards.data(), line.direction.data(), angles);
-      Eigen::Matrix2d covariance = line.covariance.topLeftCorner<2, 2>();
-      covariance.diagonal().array() += kParallelSigmaRad * kParallelSigmaRad;
-      const Eigen::Vector2d e(angles[0], angles[1]);
-      return e.dot(covariance.ldlt().solve(e));
-    }
+  static Offset OffsetOf(const GroupType& type, const double* g, const LineEstimate& line) {
+    if (type.IsParallelism()) return OffsetFromDirection(type, g, line);
+    if (type.project_point) return OffsetOfEnds(type, g, line);
+    return OffsetFromProjectedLine(type, g, line);
+  }
+
+  // The two angles between a line and the direction of its vanishing point.
+  static Offset OffsetFromDirection(const GroupType& type, const double* g,
+                                    const LineEstimate& line) {
+    Eigen::Vector3d v;
+    double unused[3 * kMaxGroupParams];
+    type.direction(g, &v, unused);
+    double angles[2];
+    const Eigen::Vector3d towards = v.dot(line.direction) < 0 ? Eigen::Vector3d(-v) : v;
+    UnitVector3::Minus(towards.data(), line.direction.data(), angles);
+    Eigen::Matrix2d covariance = line.covariance.topLeftCorner<2, 2>();
+    covariance.diagonal().array() += kParallelSigmaRad * kParallelSigmaRad;
+    const Eigen::Vector2d e(angles[0], angles[1]);
+    return {e.dot(covariance.ldlt().solve(e)), 2};
+  }
+
+  // The distances of both ends of a line to the surface.
+  static Offset OffsetOfEnds(const GroupType& type, const double* g, const LineEstimate& line) {
     Eigen::Vector2d e;
     Eigen::Matrix<double, 2, 4> J;
     const double positions[2] = {line.start, line.end};
     for (int k = 0; k < 2; ++k) {
       const Eigen::Vector3d X = line.anchor + positions[k] * line.direction;
       Eigen::Vector3d on_group;
-      if (!type.project_point(g, X, &on_group)) return HUGE_VAL;
+      if (!type.project_point(g, X, &on_group)) return {};
       const Eigen::Vector3d offset = X - on_group;
       e[k] = offset.norm();
       const Eigen::Vector3d normal =
@@ -195,11 +213,59 @@ class Tester {
       const Eigen::RowVector2d along = (e[k] < 0 ? -1.0 : 1.0) * normal.transpose() * line.basis;
       J.row(k) << positions[k] * along, along;
     }
-    if (e.isZero(0.0)) return 0.0;
+    if (e.isZero(0.0)) return {0.0, 2};
     Eigen::Matrix2d covariance = J * line.covariance * J.transpose();
     // Both ends may move together only (a line in the plane): keep the inverse finite.
     covariance.diagonal().array() += 1e-9 * covariance.trace() + 1e-300;
-    return e.dot(covariance.ldlt().solve(e));
+    return {e.dot(covariance.ldlt().solve(e)), 2};
+  }
+
+  // Of a type that projects lines only: the moments of both ends about the projected line. The
+  // projection leaves some movements of a line as they are, so that only as many combinations of
+  // the six moments are independent as the rank of their covariance says. That is taken at the
+  // projected line, where the moments are 0: elsewhere the curvature of the group adds to the rank.
+  static Offset OffsetFromProjectedLine(const GroupType& type, const double* g,
+                                        const LineEstimate& line) {
+    const PlueckerLine pluecker = line.Pluecker();
+    Vector6d world, on_group;
+    world << pluecker.direction, pluecker.moment;
+    if (!type.project_line(g, world, &on_group)) return {};
+    PlueckerLine projected{on_group.head<3>(), on_group.tail<3>()};
+    double length = projected.direction.norm();
+    if (!(length > 0.0)) return {};
+    if (projected.direction.dot(line.direction) < 0.0) length = -length;
+    projected.direction /= length;
+    projected.moment /= length;
+
+    const GroupLine3dResidual residual{&type};
+    const GroupLine3dResidual::Datum ends{{line.start, line.end}};
+    double block[6];
+    const double* const values[] = {block, g};
+    Vector6d moments, moments_on_group;
+    double* const none[] = {nullptr, nullptr};
+    Eigen::Map<Vector6d>{block} << line.direction, line.anchor;
+    if (!residual.Evaluate(ends, values, moments.data(), none)) return {};
+    RowMajor<6, 4> J;
+    double* const jacobians[] = {J.data(), nullptr};
+    Eigen::Map<Vector6d>{block} << projected.direction, projected.ClosestPoint(line.anchor);
+    if (!residual.Evaluate(ends, values, moments_on_group.data(), jacobians)) return {};
+    Eigen::Matrix4d to_its_basis = Eigen::Matrix4d::Zero();
+    to_its_basis.topLeftCorner<2, 2>() = TangentBasis(projected.direction).transpose() * line.basis;
+    to_its_basis.bottomRightCorner<2, 2>() = to_its_basis.topLeftCorner<2, 2>();
+    J = (J * to_its_basis).eval();
+    if (moments.isZero(0.0)) return {0.0, 1};
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> covariance(
+        J * line.covariance * J.transpose());
+    const double least = 1e-9 * covariance.eigenvalues()[5];  // smaller ones are rounding
+    Offset offset{0.0, 0};
+    for (int k = 6 - kMaxDegreesOfFreedom; k < 6; ++k) {
+      const double variance = covariance.eigenvalues()[k];
+      if (!(variance > least)) continue;
+      const double component = covariance.eigenvectors().col(k).dot(moments);
+      offset.chi_square += component * component / variance;
+      ++offset.degrees_of_freedom;
+    }
+    return offset.degrees_of_freedom > 0 ? offset : Offset{};
   }
 
   double EdgeChiSquare(const WireframeEdge& edge) const {
@@ -222,68 +288,31 @@ class Tester {
     size_t size() const { return points.size() + lines.size(); }
   };
 
-  // Sum of truncated chi-squares, each as a share of its bound: smaller is better, size() at worst.
-  double Score(const GroupType& type, const double* g, const Members& members) const {
-    double score = 0.0;
-    for (const auto& [id, point] : members.points)
-      score += std::min(1.0, ChiSquare(type, g, *point) / max_chi_square1_);
-    for (const auto& [id, line] : members.lines)
-      score += std::min(1.0, ChiSquare(type, g, *line) / max_chi_square2_);
-    return score;
+  // Of the bound, squared: below 1 it passes.
+  double ShareOfBound(const Offset& offset) const {
+    return offset.chi_square / max_chi_square_[offset.degrees_of_freedom];
   }
 
-  static bool Fit(const GroupType& type, const std::vector<const PointEstimate*>& points,
-                  const std::vector<const LineEstimate*>& lines, double* g) {
-    std::vector<Eigen::Vector3d> xs;
-    std::vector<PlueckerLine> ls;
-    for (const PointEstimate* p : points) xs.push_back(p->X);
-    for (const LineEstimate* l : lines) ls.push_back(l->Pluecker());
-    return type.fit_minimal(xs, ls, g);
-  }
-
-  // The best of the given parameters and of random minimal samples, then refitted to its inliers.
-  void Estimate(const GroupType& type, const Members& members, Random* random, double* g) const {
-    double best = Score(type, g, members);
-    double trial[kMaxGroupParams];
-    const auto consider = [&] {
-      const double score = Score(type, trial, members);
-      if (score >= best) return false;
-      best = score;
-      std::copy_n(trial, type.manifold->ambient, g);
-      return true;
-    };
-    const bool by_points =
-        type.min_points > 0 && members.points.size() >= static_cast<size_t>(type.min_points);
-    const bool by_lines =
-        type.min_lines > 0 && members.lines.size() >= static_cast<size_t>(type.min_lines);
-    const int sample_size = by_points ? type.min_points : type.min_lines;
-    double needed = (by_points || by_lines) ? kMaxSamples : 0;
-    for (int sample = 0; sample < std::min<double>(needed, kMaxSamples); ++sample) {
-      std::vector<const PointEstimate*> points;
-      std::vector<const LineEstimate*> lines;
-      for (int k = 0; k < sample_size; ++k) {
-        if (by_points) {
-          points.push_back(members.points[random->Index(members.points.size())].second);
-        } else {
-          lines.push_back(members.lines[random->Index(members.lines.size())].second);
-        }
-      }
-      if (Fit(type, points, lines, trial)) consider();
-      const double share = 1.0 - best / static_cast<double>(members.size());
-      const double miss = 1.0 - std::pow(std::clamp(share, 1e-3, 1.0 - 1e-9), sample_size);
-      needed = std::min<double>(kMaxSamples, std::log(1.0 - kSampleConfidence) / std::log(miss));
-    }
-    for (int refit = 0; refit < 3; ++refit) {
-      std::vector<const PointEstimate*> points;
-      std::vector<const LineEstimate*> lines;
+  // The parameters that most members agree with, the given ones being one hypothesis. Stay where
+  // nothing agrees with any.
+  void Estimate(const GroupType& type, const Members& members, uint64_t seed, double* g) const {
+    std::vector<Eigen::Vector3d> points;
+    std::vector<PlueckerLine> lines;
+    for (const auto& [id, point] : members.points) points.push_back(point->X);
+    for (const auto& [id, line] : members.lines) lines.push_back(line->Pluecker());
+    const auto residuals = [&](const double* trial, std::vector<double>* shares) {
+      size_t i = 0;
       for (const auto& [id, point] : members.points) {
-        if (ChiSquare(type, g, *point) < max_chi_square1_) points.push_back(point);
+        (*shares)[i++] = std::sqrt(ShareOfBound(OffsetOf(type, trial, *point)));
       }
       for (const auto& [id, line] : members.lines) {
-        if (ChiSquare(type, g, *line) < max_chi_square2_) lines.push_back(line);
+        (*shares)[i++] = std::sqrt(ShareOfBound(OffsetOf(type, trial, *line)));
       }
-      if (!Fit(type, points, lines, trial) || !consider()) break;
-    }
+    };
+    const auto fit = FitGroupRobustly(
+        type, points, lines, residuals,
+        {.confidence = kSampleConfidence, .max_samples = kMaxSamples, .seed = seed}, g);
+    if (fit) std::copy_n(fit->g.data(), type.manifold->ambient, g);
   }
 
   void TestGroup(group3D_t id, const Group3D& group) {
@@ -302,35 +331,28 @@ class Tester {
       report_.filter.groups.insert(id);
       return;
     }
-    Random random(id);
-    Estimate(type, members, &random, g);
+    Estimate(type, members, id, g);
 
     size_t accepted = 0;
     double sum_squares = 0.0;  // of the accepted, for each of their degrees of freedom
     const std::string name(type.name);
-    for (const auto& [point_id, point] : members.points) {
-      AssociationCount& count = report_.counts[name + " points"];
+    const auto test = [&](const Offset& offset, const char* kind) {
+      AssociationCount& count = report_.counts[name + kind];
       ++count.tested;
-      const double chi_square = ChiSquare(type, g, *point);
-      if (chi_square < max_chi_square1_) {
+      const bool passes = offset.chi_square < max_chi_square_[offset.degrees_of_freedom];
+      if (passes) {
         ++accepted;
-        sum_squares += chi_square;
+        sum_squares += offset.chi_square / offset.degrees_of_freedom;
       } else {
         ++count.rejected;
-        report_.filter.points.emplace(id, point_id);
       }
+      return passes;
+    };
+    for (const auto& [point_id, point] : members.points) {
+      if (!test(OffsetOf(type, g, *point), " points")) report_.filter.points.emplace(id, point_id);
     }
     for (const auto& [line_id, line] : members.lines) {
-      AssociationCount& count = report_.counts[name + " lines"];
-      ++count.tested;
-      const double chi_square = ChiSquare(type, g, *line);
-      if (chi_square < max_chi_square2_) {
-        ++accepted;
-        sum_squares += 0.5 * chi_square;
-      } else {
-        ++count.rejected;
-        report_.filter.lines.emplace(id, line_id);
-      }
+      if (!test(OffsetOf(type, g, *line), " lines")) report_.filter.lines.emplace(id, line_id);
     }
     const size_t least = type.IsParallelism() ? kMinLinesOfDirection : kMinMembers;
     if (accepted < least ||
@@ -352,7 +374,7 @@ class Tester {
 
   const Reconstruction& model_;
   const double confidence_;
-  const double max_chi_square1_, max_chi_square2_;
+  double max_chi_square_[kMaxDegreesOfFreedom + 1] = {};  // by degrees of freedom
   std::unordered_map<point3D_t, PointEstimate> points_;
   std::unordered_map<line3D_t, LineEstimate> lines_;
   AssociationReport report_;
@@ -361,14 +383,26 @@ class Tester {
 }  // namespace
 
 double ChiSquareQuantile(double probability, int degrees_of_freedom) {
-  HOLBA_CHECK(degrees_of_freedom == 1 || degrees_of_freedom == 2);
+  HOLBA_CHECK(degrees_of_freedom >= 1 && degrees_of_freedom <= kMaxDegreesOfFreedom);
   HOLBA_CHECK(probability > 0.0 && probability < 1.0);
   if (degrees_of_freedom == 2) return -2.0 * std::log1p(-probability);
-  // P(x) = 1 - erfc(sqrt(x / 2)), monotonic.
+  // The probability of more than x, from that of two degrees of freedom fewer (Abramowitz and
+  // Stegun 26.4.8); it falls with x.
+  const auto more_than = [degrees_of_freedom](double x) {
+    switch (degrees_of_freedom) {
+      case 1:
+        return std::erfc(std::sqrt(0.5 * x));
+      case 3:
+        return std::erfc(std::sqrt(0.5 * x)) +
+               std::sqrt(2.0 * x / std::numbers::pi) * std::exp(-0.5 * x);
+      default:
+        return (1.0 + 0.5 * x) * std::exp(-0.5 * x);
+    }
+  };
   double low = 0.0, high = 100.0;
   while (high - low > 1e-12 * high) {
     const double middle = 0.5 * (low + high);
-    (std::erfc(std::sqrt(0.5 * middle)) > 1.0 - probability ? low : high) = middle;
+    (more_than(middle) > 1.0 - probability ? low : high) = middle;
   }
   return high;
 }

@@ -58,7 +58,7 @@ AssociationReport TestAssociations(const Reconstruction& model, const BundleProb
 // wrong, does not enter.
 double VarianceOfPassed(double mean_square, double confidence);
 
-// Quantile of the chi-square distribution with 1 or 2 degrees of freedom.
+// Quantile of the chi-square distribution with 1 to 4 degrees of freedom.
 double ChiSquareQuantile(double probability, int degrees_of_freedom);
 
 }  // namespace holba

@@ -12,6 +12,7 @@
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/bundle_testing.h"
 #include "holba/evaluation/ground_truth.h"
+#include "holba/group/lines_in_plane_testing.h"
 #include "holba/synthetic/bundle_problem.h"
 
 namespace holba {
@@ -91,6 +92,10 @@ TEST(ChiSquareQuantile, AgreesWithTables) {
   EXPECT_NEAR(ChiSquareQuantile(0.999, 1), 10.827566, 1e-6);
   EXPECT_NEAR(ChiSquareQuantile(0.95, 2), 5.991465, 1e-6);
   EXPECT_NEAR(ChiSquareQuantile(0.99, 2), 9.210340, 1e-6);
+  EXPECT_NEAR(ChiSquareQuantile(0.95, 3), 7.814728, 1e-6);
+  EXPECT_NEAR(ChiSquareQuantile(0.99, 3), 11.344867, 1e-6);
+  EXPECT_NEAR(ChiSquareQuantile(0.95, 4), 9.487729, 1e-6);
+  EXPECT_NEAR(ChiSquareQuantile(0.99, 4), 13.276704, 1e-6);
 }
 
 // The test is at 99 % of the noise of free features at held cameras; cameras have errors of their
@@ -115,6 +120,33 @@ TEST(AssociationGate, RejectsNearlyAllRandomWrongAssociations) {
     EXPECT_GT(v.points.RightShare(), 0.93) << fraction;
     EXPECT_GT(v.lines.RightShare(), 0.85) << fraction;
   }
+}
+
+// A type with ProjectLine only, with Plane's formulas: its lines are judged as those of planes
+// without points.
+TEST(AssociationGate, JudgesTypesThatProjectLinesOnlyAsPlanesOfLines) {
+  SyntheticProblem scene =
+      MakeBundleProblem({.seed = 4, .num_images = 100, .fraction_wrong_associations = 0.2});
+  const BundleOptions options = PointLineOptions();
+  AdjustBundle(options, SolverOptions(), &scene.perturbed);
+  const BundleProblem features = BuildProblem(scene.perturbed, options);
+  // Four lines each: with two wrong ones, any two of them are as good a plane as the others.
+  scene.perturbed.DeleteGroups3D([&](group3D_t id, const Group3D& group) {
+    const std::vector<line3D_t>& right = scene.truth.groups3D.at(id).line3D_ids;
+    return std::count_if(group.line3D_ids.begin(), group.line3D_ids.end(),
+                         [&](line3D_t line) { return !Contains(right, line); }) > 1;
+  });
+  for (auto& [id, group] : scene.perturbed.groups3D) group.point3D_ids.clear();
+  const AssociationReport planes = TestAssociations(scene.perturbed, features);
+  for (auto& [id, group] : scene.perturbed.groups3D) group.type = &TableOf<LinesInPlane>();
+  const AssociationReport lines_in_planes = TestAssociations(scene.perturbed, features);
+  const AssociationCount& count = planes.counts.at("PLANE lines");
+  ASSERT_GT(count.tested, 50u);
+  ASSERT_GT(count.rejected, 10u);
+  ASSERT_LT(count.rejected, count.tested / 2);
+  EXPECT_EQ(lines_in_planes.filter.lines, planes.filter.lines);
+  EXPECT_EQ(lines_in_planes.filter.groups, planes.filter.groups);
+  EXPECT_EQ(lines_in_planes.filter.halvings, planes.filter.halvings);
 }
 
 TEST(AssociationGate, RejectsWrongLinesOfVanishingPoints) {

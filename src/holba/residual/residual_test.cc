@@ -12,6 +12,7 @@
 #include <set>
 
 #include "holba/base/random.h"
+#include "holba/group/lines_in_plane_testing.h"
 #include "holba/problem/residual_batch.h"
 #include "holba/residual/group_line.h"
 #include "holba/residual/group_line_3d.h"
@@ -221,6 +222,25 @@ TEST(ResidualsWithoutCamera, HaveTheJacobiansOfTheirFormulas) {
     }
   }
   ExpectJacobians(Wireframe3dResidual{}, {}, {scene.Point(), scene.Line()}, "wireframe_3d");
+}
+
+TEST(GroupLine3dResidual, IsTheDistanceOfBothEndsFromTheProjectedLineWhereOnlyLinesAreProjected) {
+  Scene scene;
+  const GroupType& type = TableOf<LinesInPlane>();
+  const Slot plane = scene.Group(*FindGroupType("PLANE"));
+  for (int repeat = 0; repeat < 5; ++repeat) {
+    const Slot line = scene.Line();
+    ExpectJacobians(GroupLine3dResidual{&type}, {{-0.4, 0.7}}, {line, plane}, "group_line_3d");
+    const auto r = Value(GroupLine3dResidual{&type}, {{-0.4, 0.7}}, {line, plane});
+    // A plane's projection of a line is that of its points.
+    const auto by_points =
+        Value(GroupLine3dResidual{FindGroupType("PLANE")}, {{-0.4, 0.7}}, {line, plane});
+    ASSERT_TRUE(r && by_points);
+    for (const int e : {0, 3}) {
+      EXPECT_NEAR(std::hypot((*r)[e], (*r)[e + 1], (*r)[e + 2]),
+                  std::hypot((*by_points)[e], (*by_points)[e + 1], (*by_points)[e + 2]), 1e-12);
+    }
+  }
 }
 
 TEST(LineResidual, VanishesExactlyWhereBothEndsLieOnTheProjectedLine) {

@@ -12,7 +12,7 @@
 #include "holba/base/check.h"
 #include "holba/base/error.h"
 #include "holba/base/random.h"
-#include "holba/synthetic/group_fit.h"
+#include "holba/synthetic/group_start.h"
 #include "holba/synthetic/synthetic_associations.h"
 #include "holba/synthetic/synthetic_cameras.h"
 #include "holba/synthetic/synthetic_structure.h"
@@ -258,7 +258,7 @@ void FitGroups(const BundleProblemOptions& options, SyntheticStructure* structur
       points.insert(points.end(), segment.begin(), segment.end());
     }
     const double max_error = group.type->IsParallelism() ? kMaxSine : max_distance;
-    if (auto params = FitGroupRobustly(*group.type, points, lines, max_error, &random)) {
+    if (auto params = GroupStart(*group.type, points, lines, max_error, &random)) {
       group.params = std::move(*params);
       continue;
     }

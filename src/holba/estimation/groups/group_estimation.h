@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Parameters of one group of any type from its member points and lines, some of which may be wrong:
-// RANSAC with local optimisation (Chum et al. 2003) on the type's FitMinimal.
+// Parameters of one group of any type from points and lines of a model, some of which may be wrong:
+// the robust fit (robust/group_fit.h) on distances in pixels and angles in degrees.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,6 +15,7 @@
 #include "holba/estimation/points/point_uncertainty.h"
 #include "holba/geometry/line.h"
 #include "holba/group/group_type.h"
+#include "holba/robust/group_fit.h"
 #include "holba/scene/reconstruction.h"
 
 namespace holba {
@@ -75,14 +76,6 @@ struct GroupFitOptions {
   double Limit(const GroupType& type) const {
     return type.IsParallelism() ? max_angle_deg : max_error_px;
   }
-};
-
-struct GroupFit {
-  std::array<double, kMaxGroupParams> g{};  // in memory
-  std::vector<double> residuals;            // of the points, then of the lines
-  size_t num_inliers = 0;                   // within the limit
-  double gain = 0.0;                        // sum of 1 - (residual / limit)^2 over the inliers
-  std::vector<double> FileParams(const GroupType& type) const;
 };
 
 // Residuals of given parameters.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "holba/synthetic/group_fit.h"
+#include "holba/synthetic/group_start.h"
 
 #include <gtest/gtest.h>
 
@@ -47,19 +47,19 @@ double Rms(const GroupType& type, const std::vector<double>& plain,
   return std::sqrt(squares / static_cast<double>(points.size()));
 }
 
-TEST(FitGroupRobustly, FindsEveryPrimitiveExactlyFromExactPoints) {
+TEST(GroupStart, FindsEveryPrimitiveExactlyFromExactPoints) {
   for (const GroupType* type : PrimitiveTypes()) {
     for (uint64_t seed = 0; seed < 5; ++seed) {
       Random random(seed);
       const Sample sample = MakeSample(*type, 0.0, 0.0, &random);
-      const auto fit = FitGroupRobustly(*type, sample.noisy, {}, 1e-6, &random);
+      const auto fit = GroupStart(*type, sample.noisy, {}, 1e-6, &random);
       ASSERT_TRUE(fit) << type->name;
       EXPECT_LT(Rms(*type, *fit, sample.exact), 1e-7) << type->name;
     }
   }
 }
 
-TEST(FitGroupRobustly, IsNearerToTheTruthThanTheNoisyPointsDespiteWrongOnes) {
+TEST(GroupStart, IsNearerToTheTruthThanTheNoisyPointsDespiteWrongOnes) {
   constexpr double kNoise = 0.02;
   for (const GroupType* type : PrimitiveTypes()) {
     // A minimal sample of 9 points hardly ever is without a wrong one.
@@ -68,7 +68,7 @@ TEST(FitGroupRobustly, IsNearerToTheTruthThanTheNoisyPointsDespiteWrongOnes) {
     for (uint64_t seed = 0; seed < 7; ++seed) {
       Random random(seed);
       const Sample sample = MakeSample(*type, kNoise, fraction_wrong, &random);
-      const auto fit = FitGroupRobustly(*type, sample.noisy, {}, 3.0 * kNoise, &random);
+      const auto fit = GroupStart(*type, sample.noisy, {}, 3.0 * kNoise, &random);
       ASSERT_TRUE(fit) << type->name;
       errors.push_back(Rms(*type, *fit, sample.exact));
     }
@@ -77,7 +77,7 @@ TEST(FitGroupRobustly, IsNearerToTheTruthThanTheNoisyPointsDespiteWrongOnes) {
   }
 }
 
-TEST(FitGroupRobustly, TakesTheDirectionOfMostLines) {
+TEST(GroupStart, TakesTheDirectionOfMostLines) {
   const GroupType* type = FindGroupType("VP");
   Random random(1);
   const Eigen::Vector3d v = Eigen::Vector3d(1, 2, -2).normalized();
@@ -89,16 +89,16 @@ TEST(FitGroupRobustly, TakesTheDirectionOfMostLines) {
     for (double& x : p) x = random.Normal();
     lines.push_back(PlueckerLine::FromPointDirection(p, d));
   }
-  const auto fit = FitGroupRobustly(*type, {}, lines, 0.2, &random);
+  const auto fit = GroupStart(*type, {}, lines, 0.2, &random);
   ASSERT_TRUE(fit);
   EXPECT_LT(Eigen::Vector3d(fit->data()).cross(v).norm(), 0.03);
 }
 
-TEST(FitGroupRobustly, FailsWithTooFewFeatures) {
+TEST(GroupStart, FailsWithTooFewFeatures) {
   Random random(1);
   const std::vector<Eigen::Vector3d> two(2, Eigen::Vector3d::Zero());
-  EXPECT_FALSE(FitGroupRobustly(*FindGroupType("PLANE"), two, {}, 0.1, &random));
-  EXPECT_FALSE(FitGroupRobustly(*FindGroupType("VP"), {}, {}, 0.1, &random));
+  EXPECT_FALSE(GroupStart(*FindGroupType("PLANE"), two, {}, 0.1, &random));
+  EXPECT_FALSE(GroupStart(*FindGroupType("VP"), {}, {}, 0.1, &random));
 }
 
 }  // namespace
