@@ -4,14 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <sstream>
 #include <string_view>
 
+#include "holba/geometry/angle.h"
+
 namespace holba {
 namespace {
-
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 
 double UnsignedAngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return kDegPerRad * std::atan2(a.cross(b).norm(), std::abs(a.dot(b)));

@@ -6,19 +6,18 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <numbers>
 #include <optional>
 #include <utility>
 
 #include "holba/base/check.h"
 #include "holba/estimation/directions/direction_fit.h"
+#include "holba/geometry/angle.h"
 #include "holba/robust/median.h"
 #include "holba/scene/views.h"
 
 namespace holba {
 namespace {
 
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 // Largest number of starts of the search for one direction; of more image vanishing points an even
 // selection is taken.
 constexpr size_t kMaxStarts = 500;

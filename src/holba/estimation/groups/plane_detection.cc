@@ -5,7 +5,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 #include <span>
 #include <unordered_set>
@@ -14,10 +13,11 @@
 
 #include "holba/base/random.h"
 #include "holba/base/threads.h"
+#include "holba/estimation/points/point_uncertainty.h"
+#include "holba/geometry/angle.h"
+#include "holba/group/group_type.h"
 #include "holba/robust/kd_tree.h"
 #include "holba/robust/median.h"
-#include "holba/estimation/points/point_uncertainty.h"
-#include "holba/group/group_type.h"
 
 namespace holba {
 namespace {
@@ -421,7 +421,7 @@ class PlaneFinder {
   // Whether one plane fits both sets about as well as their own planes: within the limits or within
   // the uncertainty of the depths (distant facades are often found as several oblique pieces).
   bool IsOnePlane(const FoundPlane& a, const FoundPlane& b, FoundPlane* both) const {
-    if (AngleRad(a.params.n, b.params.n) > options_.merge_angle_deg * std::numbers::pi / 180.0) {
+    if (AngleRad(a.params.n, b.params.n) > DegToRad(options_.merge_angle_deg)) {
       return false;
     }
     both->members = a.members;
@@ -546,7 +546,7 @@ std::vector<Eigen::Vector3d> NormalsOfVanishingPoints(const Reconstruction& mode
   std::vector<Eigen::Vector3d> normals;
   const auto add = [&normals](const Eigen::Vector3d& n) {
     for (const Eigen::Vector3d& other : normals) {
-      if (AngleRad(n, other) < std::numbers::pi / 180.0) return;
+      if (AngleRad(n, other) < DegToRad(1.0)) return;
     }
     normals.push_back(n);
   };
@@ -581,7 +581,7 @@ PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
       ++report.dropped["point: few images"];
       continue;
     }
-    if (geometry->angle_rad < options.min_angle_deg * std::numbers::pi / 180.0) {
+    if (geometry->angle_rad < DegToRad(options.min_angle_deg)) {
       ++report.dropped["point: small angle"];
       continue;
     }
@@ -612,9 +612,9 @@ PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
       residuals.push_back(std::abs(plane.params.Signed(kept[i].X)) / kept[i].gsd);
     }
     report.points_on_planes += plane.members.size();
-    report.planes_along_vps += std::any_of(
-        vp_normals.begin(), vp_normals.end(),
-        [&n](const Eigen::Vector3d& v) { return AngleRad(n, v) < 3.0 * std::numbers::pi / 180.0; });
+    report.planes_along_vps +=
+        std::any_of(vp_normals.begin(), vp_normals.end(),
+                    [&n](const Eigen::Vector3d& v) { return AngleRad(n, v) < DegToRad(3.0); });
     model->AddGroup3D(*plane_type, {n.x(), n.y(), n.z(), plane.params.w - n.dot(centre)}, std::move(members));
   }
   report.planes = planes.size();

@@ -4,19 +4,18 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <set>
 #include <utility>
 #include <vector>
 
 #include "holba/base/check.h"
+#include "holba/geometry/angle.h"
 #include "holba/group/fit.h"
 
 namespace holba {
 namespace {
 
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 // Median of the absolute value of a normal variable, inverted.
 constexpr double kSigmasPerMedian = 1.4826;
 // Least ratio of the variances across and along the members of a plane; members below it are

@@ -3,16 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
 #include "holba/base/threads.h"
 #include "holba/estimation/lines/line_proposals.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
 
-constexpr double kRadian = std::numbers::pi / 180.0;
 // Scales of the score between two proposals of one segment.
 constexpr double kScoreRelativeDepth = 0.015;
 constexpr double kScoreAngle3dDeg = 10.0;
@@ -85,7 +84,7 @@ double ScoreInImage(const SceneView& view, const SceneSegment& segment,
                                         (kLittleOverlap - kMinScoreOverlap);
   }
   const double sine = along.x() * segment.along.y() - along.y() * segment.along.x();
-  const double angle = std::asin(std::min(1.0, std::abs(sine))) / kRadian;
+  const double angle = std::asin(std::min(1.0, std::abs(sine))) / kRadPerDeg;
   const Eigen::Vector2d normal(-along.y(), along.x());
   distance = std::max({distance, std::abs(normal.dot(segment.ideal.start - *a)),
                        std::abs(normal.dot(segment.ideal.end - *a))});
@@ -141,7 +140,7 @@ class Placer {
         adjacency_(adjacency),
         view_idx_(view_idx),
         view_(scene.views[view_idx]),
-        min_sine_(std::sin(options.min_ray_plane_angle_deg * kRadian)) {
+        min_sine_(std::sin(options.min_ray_plane_angle_deg * kRadPerDeg)) {
     fundamental_.reserve(view_.neighbours.size());
     for (uint32_t other : view_.neighbours) {
       fundamental_.push_back(FundamentalMatrix(view_.view, scene.views[other].view));
@@ -372,7 +371,7 @@ class Placer {
       const double sine =
           std::abs(to.x() * segment.along.y() - to.y() * segment.along.x()) / length;
       return 0.5 * segment.length_px * sine <= kVanishingDistancePx &&
-             sine <= std::sin(kVanishingAngleDeg * kRadian);
+             sine <= std::sin(kVanishingAngleDeg * kRadPerDeg);
     };
     for (const Eigen::Vector3d& direction : scene_.directions) {
       if (runs_to(direction)) directions_.push_back(direction);
@@ -381,7 +380,7 @@ class Placer {
     if (own >= 0 && static_cast<size_t>(own) < view_.image_directions.size()) {
       const Eigen::Vector3d& direction = view_.image_directions[own];
       for (const Eigen::Vector3d& known : directions_) {
-        if (known.cross(direction).norm() < std::sin(1.0 * kRadian)) return;
+        if (known.cross(direction).norm() < std::sin(DegToRad(1.0))) return;
       }
       directions_.push_back(direction);
     }
@@ -395,7 +394,7 @@ class Placer {
     const Eigen::Vector3d start = plane_.centre + lengths.start * segment.ray_start;
     const Eigen::Vector3d end = plane_.centre + lengths.end * segment.ray_end;
     checked_.clear();
-    const double max_sine = std::sin(kCheckAngleDeg * kRadian);
+    const double max_sine = std::sin(kCheckAngleDeg * kRadPerDeg);
     for (size_t n = 0; n < view_.neighbours.size(); ++n) {
       const uint32_t other_idx = view_.neighbours[n];
       const SceneView& other = scene_.views[other_idx];
@@ -459,8 +458,8 @@ class Placer {
     size_t used = 0;
     for (const auto& [votes, plane] : plane_votes_) {
       if (votes < kMinPlanePoints || used++ >= kMaxPlanesPerSegment) break;
-      const std::optional<RayLengths> lengths =
-          ProposeOnPlane(plane_, scene_.planes[plane].plane, std::sin(kMinPlaneAngleDeg * kRadian));
+      const std::optional<RayLengths> lengths = ProposeOnPlane(
+          plane_, scene_.planes[plane].plane, std::sin(kMinPlaneAngleDeg * kRadPerDeg));
       if (lengths)
         CheckAndAdd(segment_idx, segment, ProposalKind::kScenePlane, static_cast<int32_t>(plane),
                     *lengths);
@@ -498,7 +497,7 @@ class Placer {
         proposals_.begin(), proposals_.end(),
         [](const Proposal& a, const Proposal& b) { return a.length_start < b.length_start; });
     best_of_view_.assign(scene_.views.size(), 0.0);
-    const double min_cosine = std::cos(kScoreAngle3dDeg * kRadian);
+    const double min_cosine = std::cos(kScoreAngle3dDeg * kRadPerDeg);
     size_t first = 0;
     double plane_score = 0.0;
     for (size_t i = 0; i < proposals_.size(); ++i) {
@@ -518,7 +517,7 @@ class Placer {
         double& best = best_of_view_[q.view];
         double score =
             std::min(ScoreOf(std::max(start, end), kScoreRelativeDepth),
-                     ScoreOf(std::acos(std::min(1.0, cosine)) / kRadian, kScoreAngle3dDeg));
+                     ScoreOf(std::acos(std::min(1.0, cosine)) / kRadPerDeg, kScoreAngle3dDeg));
         if (score <= best) continue;
         score = std::min(
             score, ScoreInImage(scene_.views[q.view], scene_.views[q.view].segments[q.segment],

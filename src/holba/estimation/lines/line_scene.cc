@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 #include <unordered_map>
 
 #include "holba/base/check.h"
 #include "holba/base/error.h"
 #include "holba/base/threads.h"
+#include "holba/geometry/angle.h"
 #include "holba/scene/covisibility.h"
 #include "holba/scene/views.h"
 
@@ -139,7 +139,7 @@ void FindNeighbours(const LineOptions& options, const Covisibility& covisibility
   };
   std::vector<Neighbour> found;
   std::vector<double> cosines;
-  const double max_cosine = std::cos(options.min_neighbour_angle_deg * std::numbers::pi / 180.0);
+  const double max_cosine = std::cos(DegToRad(options.min_neighbour_angle_deg));
   for (size_t k = 0; k < covisible.size(); ++k) {
     const uint32_t other = covisible[k].image_idx, num_points = covisible[k].num_points;
     if (num_points < kMinSharedPoints) continue;

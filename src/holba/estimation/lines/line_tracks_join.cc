@@ -3,15 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <numeric>
 
 #include "holba/estimation/lines/line_tracks.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
 
-constexpr double kRadian = std::numbers::pi / 180.0;
 constexpr double kJoinAngleDeg = 10.0;
 constexpr double kMinJoinOverlap = 0.05;
 constexpr double kLittleJoinOverlap = 0.1;  // below it the angle's threshold falls to:
@@ -101,7 +100,7 @@ std::vector<LineTrack> JoinSegments(const LineOptions& options, const LineScene&
                                                 (c.overlap - kMinJoinOverlap) /
                                                 (kLittleJoinOverlap - kMinJoinOverlap);
       }
-      const double angle = std::acos(std::min(1.0, std::abs(c.cosine))) / kRadian;
+      const double angle = std::acos(std::min(1.0, std::abs(c.cosine))) / kRadPerDeg;
       const double weight =
           std::min(ScoreOf(angle, threshold), ScoreOf(c.distance, std::min(sigma[a], sigma[b])));
       if (!(weight > 0.0)) {

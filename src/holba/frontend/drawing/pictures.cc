@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <unordered_map>
@@ -13,6 +12,7 @@
 #include <vector>
 
 #include "holba/base/check.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -282,7 +282,7 @@ Paper PaperOfTopView(const Reconstruction& model, const Eigen::Vector3d& down) {
     Eigen::Vector3d direction;
     group.type->direction(g, &direction, nullptr);
     const Eigen::Vector3d level = direction - down * down.dot(direction);
-    if (level.norm() < std::sin(60.0 * std::numbers::pi / 180.0)) continue;
+    if (level.norm() < std::sin(DegToRad(60.0))) continue;
     most = group.line3D_ids.size();
     right = level.normalized();
   }
@@ -439,7 +439,7 @@ Eigen::Vector3d EstimateDown(const Reconstruction& model) {
   if (mean.norm() < 1e-9) return Eigen::Vector3d::UnitY();
   mean.normalize();
   Eigen::Vector3d down = mean;
-  double best = std::cos(kMaxVerticalAngleDeg * std::numbers::pi / 180.0);
+  double best = std::cos(DegToRad(kMaxVerticalAngleDeg));
   for (const auto& [id, group] : model.groups3D) {
     double g[kMaxGroupParams];
     if (!IsVp(group) || !group.type->from_file(group.params.data(), g)) continue;

@@ -4,16 +4,15 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
 #include "holba/base/check.h"
 #include "holba/frontend/matching/label_maps.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
 
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 // Median of a Rayleigh distribution of scale 1: tilts in two directions of that spread each.
 constexpr double kRayleighMedian = 1.1774100225154747;
 
