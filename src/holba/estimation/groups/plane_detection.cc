@@ -15,7 +15,7 @@
 #include "holba/base/threads.h"
 #include "holba/estimation/points/point_uncertainty.h"
 #include "holba/geometry/angle.h"
-#include "holba/group/group_type.h"
+#include "holba/group/known_types.h"
 #include "holba/robust/kd_tree.h"
 #include "holba/robust/median.h"
 
@@ -566,10 +566,9 @@ PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
   PlaneReport report;
   const ViewMap views(*model);
   report.sigma_px = MeasurePointSigmaPx(*model, views).value_or(1.0);
-  const GroupType* plane_type = FindGroupType("PLANE");
   std::unordered_set<point3D_t> taken;
   for (const auto& [id, group] : model->groups3D) {
-    if (group.type == plane_type) taken.insert(group.point3D_ids.begin(), group.point3D_ids.end());
+    if (IsPlane(*group.type)) taken.insert(group.point3D_ids.begin(), group.point3D_ids.end());
   }
 
   std::vector<PlanePoint> points;
@@ -615,7 +614,8 @@ PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
     report.planes_along_vps +=
         std::any_of(vp_normals.begin(), vp_normals.end(),
                     [&n](const Eigen::Vector3d& v) { return AngleRad(n, v) < DegToRad(3.0); });
-    model->AddGroup3D(*plane_type, {n.x(), n.y(), n.z(), plane.params.w - n.dot(centre)}, std::move(members));
+    model->AddGroup3D(PlaneType(), {n.x(), n.y(), n.z(), plane.params.w - n.dot(centre)},
+                      std::move(members));
   }
   report.planes = planes.size();
   report.median_residual_px = Median(std::move(residuals));

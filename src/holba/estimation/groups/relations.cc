@@ -12,6 +12,7 @@
 #include "holba/base/check.h"
 #include "holba/geometry/angle.h"
 #include "holba/group/fit.h"
+#include "holba/group/known_types.h"
 
 namespace holba {
 namespace {
@@ -75,7 +76,7 @@ std::vector<Direction> Directions(const RelationOptions& options, const Reconstr
   for (const auto& [id, group] : model.groups3D) {
     const bool is_vp = group.type->IsParallelism();
     // Relations are not defined for other types with a direction (axes).
-    if (!is_vp && group.type->name != "PLANE") continue;
+    if (!is_vp && !IsPlane(*group.type)) continue;
     Direction direction = {id, group.type, {group.params[0], group.params[1], group.params[2]}, 0};
     direction.unit.normalize();
     if (is_vp) {

@@ -10,6 +10,7 @@
 #include "holba/base/error.h"
 #include "holba/base/threads.h"
 #include "holba/geometry/angle.h"
+#include "holba/group/known_types.h"
 #include "holba/scene/covisibility.h"
 #include "holba/scene/views.h"
 
@@ -208,14 +209,14 @@ LineScene MakeLineScene(const LineOptions& options, const Reconstruction& model,
   }
   scene.planes_of_point.resize(scene.points.size());
   for (const auto& [id, group] : model.groups3D) {
-    if (group.type->name == "PLANE") {
+    if (IsPlane(*group.type)) {
       const uint32_t plane_idx = static_cast<uint32_t>(scene.planes.size());
       scene.planes.push_back({id, Eigen::Map<const Eigen::Vector4d>(group.params.data())});
       for (point3D_t point : group.point3D_ids) {
         const auto it = point_idx.find(point);
         if (it != point_idx.end()) scene.planes_of_point[it->second].push_back(plane_idx);
       }
-    } else if (group.type->name == "VP") {
+    } else if (group.type->IsParallelism()) {
       scene.directions.push_back(
           Eigen::Map<const Eigen::Vector3d>(group.params.data()).normalized());
       scene.direction_ids.push_back(id);

@@ -13,6 +13,7 @@
 
 #include "holba/base/check.h"
 #include "holba/geometry/angle.h"
+#include "holba/group/known_types.h"
 
 namespace holba {
 namespace {
@@ -370,7 +371,7 @@ ColourImage DrawGroups(const Reconstruction& model, image_t image_id,
     }
     if (!seen.points.empty()) all_seen.push_back(std::move(seen));
   }
-  const auto is_plane = [](const Group3D& group) { return group.type->name == "PLANE"; };
+  const auto is_plane = [](const Group3D& group) { return IsPlane(*group.type); };
   canvas.Translucent(kRegionOpacity, [&] {
     for (const Seen& seen : all_seen) {
       if (!is_plane(*seen.group)) continue;
@@ -496,7 +497,7 @@ ColourImage DrawTopView(const Reconstruction& model, int size_px) {
   const auto group_colours = AllColours(model);
   canvas.Translucent(0.5, [&] {
     for (const auto& [id, group] : model.groups3D) {
-      if (group.type->name != "PLANE" || group.point3D_ids.empty()) continue;
+      if (!IsPlane(*group.type) || group.point3D_ids.empty()) continue;
       const Eigen::Vector3d normal = Eigen::Vector3d(group.params.data()).normalized();
       if (std::abs(normal.dot(down)) > kMaxVerticalPlaneCosine) continue;  // it has no trace
       const Eigen::Vector2d along =

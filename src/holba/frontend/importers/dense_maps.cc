@@ -9,6 +9,7 @@
 #include "holba/base/check.h"
 #include "holba/frontend/matching/label_maps.h"
 #include "holba/geometry/angle.h"
+#include "holba/group/known_types.h"
 
 namespace holba {
 namespace {
@@ -21,7 +22,7 @@ using NormalsByLabel = std::map<uint16_t, std::vector<Eigen::Vector3d>>;
 std::map<uint16_t, float> PlanarLabels(const LabelMap& labels) {
   std::map<uint16_t, float> result;
   for (const auto& [label, type] : labels.types) {
-    if (label != 0 && type == FindGroupType("PLANE")) result[label] = 0.0f;
+    if (label != 0 && IsPlane(*type)) result[label] = 0.0f;
   }
   return result;
 }
