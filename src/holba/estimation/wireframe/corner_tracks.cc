@@ -10,8 +10,9 @@
 #include <utility>
 
 #include "holba/base/threads.h"
-#include "holba/estimation/wireframe/corner_matching.h"
 #include "holba/estimation/points/point_triangulation.h"
+#include "holba/estimation/wireframe/corner_matching.h"
+#include "holba/robust/median.h"
 #include "holba/scene/covisibility.h"
 #include "holba/scene/views.h"
 
@@ -315,10 +316,7 @@ class CornerTriangulator {
   void Summarise() {
     std::vector<double> errors;
     for (point3D_t id : report_.point3D_ids) errors.push_back(model_->points3D.at(id).error);
-    if (errors.empty()) return;
-    const auto middle = errors.begin() + static_cast<ptrdiff_t>(errors.size() / 2);
-    std::nth_element(errors.begin(), middle, errors.end());
-    report_.median_error_px = *middle;
+    report_.median_error_px = Median(std::move(errors));
   }
 
   const CornerTrackOptions& options_;
