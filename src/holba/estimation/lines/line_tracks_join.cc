@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// JoinSegments: a union-find over pairs of segments, strongest first.
+// JoinSegments: pairs of segments join their sets, strongest first.
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
+#include "holba/base/union_find.h"
 #include "holba/estimation/lines/line_tracks.h"
 #include "holba/geometry/angle.h"
 
@@ -114,22 +114,17 @@ std::vector<LineTrack> JoinSegments(const LineOptions& options, const LineScene&
     if (x.weight != y.weight) return x.weight > y.weight;
     return x.a != y.a ? x.a < y.a : x.b < y.b;
   });
-  std::vector<uint32_t> parent(keys.size());
-  std::iota(parent.begin(), parent.end(), 0u);
-  const auto root = [&](uint32_t i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-  };
+  UnionFind sets(keys.size());
   for (const Edge& edge : edges) {
-    const uint32_t a = root(edge.a), b = root(edge.b);
-    if (a != b) parent[std::max(a, b)] = std::min(a, b);
+    const uint32_t a = sets.Root(edge.a), b = sets.Root(edge.b);
+    sets.Join(std::min(a, b), std::max(a, b));
   }
   std::vector<LineTrack> tracks;
   std::vector<int64_t> track_of_root(keys.size(), -1);
   std::vector<uint32_t> size_of_root(keys.size(), 0);
-  for (uint32_t i = 0; i < keys.size(); ++i) ++size_of_root[root(i)];
+  for (uint32_t i = 0; i < keys.size(); ++i) ++size_of_root[sets.Root(i)];
   for (uint32_t i = 0; i < keys.size(); ++i) {
-    const uint32_t r = root(i);
+    const uint32_t r = sets.Root(i);
     if (size_of_root[r] < 2) {
       if (nodes[keys[i].view][keys[i].segment].placed)
         ++counts->dropped["segment: placed, but no other agrees"];
