@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "holba/base/union_find.h"
+#include "holba/estimation/lines/line_consensus.h"
 #include "holba/estimation/lines/line_tracks.h"
 #include "holba/geometry/angle.h"
 
