@@ -8,17 +8,17 @@
 #include <cmath>
 #include <fstream>
 #include <functional>
-#include <numbers>
 #include <sstream>
 
 #include "holba/base/error.h"
 #include "holba/base/timer.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
 
 double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), std::abs(a.dot(b))) * 180.0 / std::numbers::pi;
+  return RadToDeg(std::atan2(a.cross(b).norm(), std::abs(a.dot(b))));
 }
 
 // 90 without directions.

@@ -9,6 +9,7 @@
 
 #include "apps/report.h"
 #include "holba/base/memory.h"
+#include "holba/group/known_types.h"
 
 namespace holba {
 namespace {
@@ -34,7 +35,7 @@ ModelCounts Count(const RefineOutput& output, const Reconstruction& model) {
   std::set<line3D_t> lines_on_planes, lines_with_vp;
   for (const auto& [id, group] : model.groups3D) {
     ++counts.groups[std::string(group.type->name)];
-    if (group.type->name == "PLANE") {
+    if (IsPlane(*group.type)) {
       on_planes.insert(group.point3D_ids.begin(), group.point3D_ids.end());
       lines_on_planes.insert(group.line3D_ids.begin(), group.line3D_ids.end());
     }
@@ -144,16 +145,17 @@ json RefineToJson(const RefineOutput& output, const Reconstruction& model) {
 std::string RefineToText(const RefineOutput& output, const Reconstruction& model) {
   const ModelCounts counts = Count(output, model);
   const StructureReport& s = output.refine.structure;
+  const std::string vp_name(VanishingPointType().name);
   std::string text = fmt::format(
       "lines            {} ({} in 4 or more images, {} of these with ends known to 1 % of their "
       "depth)\n"
       "                 left-out images are foretold to {:.2f} px (median)\n"
       "vanishing points {} with {} lines\n",
       model.lines3D.size(), counts.lines_in_4_images, s.lines.num_reliable_with_4_images,
-      output.leave_one_out.median_px, counts.groups.contains("VP") ? counts.groups.at("VP") : 0,
-      counts.lines_with_vp);
+      output.leave_one_out.median_px,
+      counts.groups.contains(vp_name) ? counts.groups.at(vp_name) : 0, counts.lines_with_vp);
   for (const auto& [type, count] : counts.groups) {
-    if (type != "VP") text += fmt::format("{:<16} {}\n", type, count);
+    if (type != vp_name) text += fmt::format("{:<16} {}\n", type, count);
   }
   text += fmt::format(
       "on planes        {} points, {} lines\n"

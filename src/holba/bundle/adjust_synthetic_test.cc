@@ -13,6 +13,7 @@
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/bundle_testing.h"
 #include "holba/evaluation/ground_truth.h"
+#include "holba/geometry/angle.h"
 #include "holba/io/model_io.h"
 #include "holba/synthetic/bundle_problem.h"
 
@@ -485,7 +486,7 @@ TEST(Measurements, PullAVanishingPointTowardsThemAsMuchAsTheyAreTrusted) {
       Eigen::Map<const Eigen::Vector3d>(start.groups3D.at(vp).params.data());
   // Five degrees off, in every image.
   const Eigen::Vector3d measured =
-      Eigen::AngleAxisd(5.0 * M_PI / 180.0, TangentBasis(at_start).col(0)) * at_start;
+      Eigen::AngleAxisd(DegToRad(5.0), TangentBasis(at_start).col(0)) * at_start;
   std::vector<double> away_deg;
   for (const double sigma_deg : {1000.0, 3.0, 1.0, 0.01}) {
     std::vector<GroupMeasurement> measurements;
@@ -499,7 +500,7 @@ TEST(Measurements, PullAVanishingPointTowardsThemAsMuchAsTheyAreTrusted) {
     EXPECT_EQ(terms.at("group_measurement").residuals, measurements.size());
     const Eigen::Vector3d found =
         Eigen::Map<const Eigen::Vector3d>(model.groups3D.at(vp).params.data());
-    away_deg.push_back(std::asin(found.cross(measured).norm()) * 180.0 / M_PI);
+    away_deg.push_back(RadToDeg(std::asin(found.cross(measured).norm())));
   }
   EXPECT_NEAR(away_deg[0], 5.0, 0.01) << "hardly trusted";
   EXPECT_LT(away_deg[1], 4.99);

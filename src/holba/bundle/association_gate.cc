@@ -12,6 +12,7 @@
 #include "holba/base/check.h"
 #include "holba/bundle/adjust_bundle.h"
 #include "holba/bundle/bundle_problem.h"
+#include "holba/geometry/angle.h"
 #include "holba/residual/group_line_3d.h"
 #include "holba/robust/group_fit.h"
 
@@ -20,7 +21,7 @@ namespace {
 
 // Lines of one vanishing point are parallel up to this, as its weight of 5e3 on the cost says (1 /
 // sqrt(5e3)).
-constexpr double kParallelSigmaRad = 0.81 * std::numbers::pi / 180.0;
+constexpr double kParallelSigmaRad = DegToRad(0.81);
 // A surface through fewer members, or through a smaller share of them, is chance.
 constexpr size_t kMinMembers = 5;
 constexpr size_t kMinLinesOfDirection = 3;

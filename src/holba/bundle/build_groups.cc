@@ -4,6 +4,7 @@
 
 #include "holba/base/check.h"
 #include "holba/bundle/problem_builder.h"
+#include "holba/geometry/angle.h"
 #include "holba/residual/group_line.h"
 #include "holba/residual/group_line_3d.h"
 #include "holba/residual/group_measurement.h"
@@ -143,7 +144,7 @@ void ProblemBuilder::AddMeasurements(std::span<const GroupMeasurement> measureme
         "group_measurement", {type->manifold->tangent, 6}, {-1, type->code, 0},
         [&] { return GroupMeasurementResidual{type}; });
     batch.Add(std::array{groups_[group].block, image->pose},
-              {measurement.direction_in_cam.normalized(), measurement.sigma_deg * M_PI / 180.0,
+              {measurement.direction_in_cam.normalized(), DegToRad(measurement.sigma_deg),
                image->sensor});
   }
 }

@@ -5,23 +5,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include "holba/robust/median.h"
 
 namespace holba {
 namespace {
 
-// Median of |x| of a normal distribution is 0.6745 sigma.
-constexpr double kSigmaPerMedian = 1.4826;
 // Scales that differ less than this are the same.
 constexpr double kScaleTolerance = 0.02;
 // Sine of 0.01 degrees: no direction is known better.
 constexpr double kMinAngularScale = 1.7e-4;
-
-double Median(std::vector<double>* values) {
-  if (values->empty()) return 0.0;
-  const auto middle = values->begin() + values->size() / 2;
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
 
 }  // namespace
 
@@ -48,7 +42,7 @@ double RobustSigma(const Problem& problem, const std::string& term) {
       values[i / 2] = std::hypot(values[i], values[i + 1]);
     values.resize(values.size() / 2);
   }
-  return kSigmaPerMedian * Median(&values);
+  return kSigmaPerMedian * Median(std::move(values));
 }
 
 AutoScales::AutoScales(const BundleOptions& options, const NoiseSigmas& known)

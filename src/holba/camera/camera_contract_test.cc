@@ -15,6 +15,7 @@
 #include "holba/camera/camera_examples.h"
 #include "holba/camera/camera_model.h"
 #include "holba/camera/camera_models.h"
+#include "holba/geometry/angle.h"
 #include "holba/geometry/dual.h"
 #include "holba/geometry/types.h"
 
@@ -40,7 +41,7 @@ std::vector<Eigen::Vector3d> PointsInView() {
   std::vector<Eigen::Vector3d> points = {{0, 0, 2}, {1e-7, -2e-7, 1}};
   for (const double angle_deg : {1.0, 5.0, 12.0, 25.0, 40.0}) {
     for (int turn = 0; turn < 8; ++turn) {
-      const double angle = angle_deg * M_PI / 180, around = 0.3 + turn * M_PI / 4;
+      const double angle = DegToRad(angle_deg), around = 0.3 + turn * M_PI / 4;
       const double range = 0.4 + 0.7 * turn + 0.1 * angle_deg;
       points.push_back(range * Eigen::Vector3d(std::sin(angle) * std::cos(around),
                                                std::sin(angle) * std::sin(around),

@@ -4,14 +4,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <sstream>
 #include <string_view>
 
+#include "holba/geometry/angle.h"
+#include "holba/group/known_types.h"
+
 namespace holba {
 namespace {
-
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 
 double UnsignedAngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return kDegPerRad * std::atan2(a.cross(b).norm(), std::abs(a.dot(b)));
@@ -105,7 +105,7 @@ class Comparison {
       const auto moved = Move(*other, sim_);
       const auto exact = Move(group, Sim3d());
       if (!moved || !exact) continue;
-      if (group.type->name == "PLANE") {
+      if (IsPlane(*group.type)) {
         const Eigen::Vector3d n(moved->plain.data()), n_true(exact->plain.data());
         Eigen::Vector3d centroid = -exact->plain[3] * n_true;
         const std::vector<Eigen::Vector3d> members = MemberPoints(truth_, group);

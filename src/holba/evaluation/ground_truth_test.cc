@@ -5,17 +5,15 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 #include <string>
 #include <vector>
 
 #include "holba/base/check.h"
 #include "holba/evaluation/test_scenes.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
-
-constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
 const GroupType* Type(const char* name) {
   const GroupType* type = FindGroupType(name);

@@ -4,18 +4,16 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <string>
 #include <string_view>
 #include <unordered_map>
 
 #include "holba/base/check.h"
 #include "holba/evaluation/statistics.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
-
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 
 std::string_view BaseName(std::string_view name) {
   const size_t slash = name.rfind('/');

@@ -7,10 +7,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <vector>
 
 #include "holba/evaluation/test_scenes.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -19,7 +19,6 @@ using ::testing::DoubleNear;
 using ::testing::Each;
 using ::testing::Lt;
 
-constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 const double kInfinity = std::numeric_limits<double>::infinity();
 
 TEST(PoseAuc, IsTheMeanOfOneMinusErrorOverThreshold) {

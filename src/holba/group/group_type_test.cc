@@ -8,6 +8,7 @@
 #include <string>
 
 #include "holba/group/group_testing.h"
+#include "holba/group/known_types.h"
 
 namespace holba {
 namespace {
@@ -50,6 +51,17 @@ TEST(GroupType, TablesAreThoseOfTheFormat) {
     EXPECT_FALSE(type.requirement.empty());
     EXPECT_EQ(FindGroupType(row.code), &type);
     EXPECT_EQ(FindGroupType(row.name), &type);
+  }
+}
+
+TEST(GroupType, KnownTypesAreThoseOfTheTable) {
+  EXPECT_EQ(&PlaneType(), FindGroupType("PLANE"));
+  EXPECT_EQ(&VanishingPointType(), FindGroupType("VP"));
+  EXPECT_EQ(&CuboidType(), FindGroupType("CUBOID"));
+  for (const GroupType* type : AllGroupTypes()) {
+    EXPECT_EQ(IsPlane(*type), type->name == "PLANE");
+    EXPECT_EQ(IsVanishingPoint(*type), type->name == "VP");
+    EXPECT_EQ(IsCuboid(*type), type->name == "CUBOID");
   }
 }
 

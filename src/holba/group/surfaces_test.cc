@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "holba/geometry/angle.h"
 #include "holba/group/group_testing.h"
 
 namespace holba {
@@ -198,7 +199,7 @@ TEST(PlaneLine, HasNoProjectionWithinADegreeOfTheNormal) {
   RowMajor<6, 6> by_line;
   RowMajor<6, 4> by_group;
   const auto at_angle = [](double angle_deg) {
-    const double angle = angle_deg * std::numbers::pi / 180;
+    const double angle = DegToRad(angle_deg);
     return PlueckerLine::FromPointDirection({1, 2, 3}, {std::sin(angle), 0, std::cos(angle)});
   };
   for (const double angle_deg : {0.0, 0.5, 0.99, 179.5}) {

@@ -6,8 +6,8 @@
 #include <cstddef>
 
 #include "holba/camera/snavely.h"
+#include "holba/group/known_types.h"
 #include "holba/group/plane.h"
-#include "holba/group/vanishing_point.h"
 #include "holba/residual/group_line.h"
 #include "holba/residual/group_point.h"
 #include "holba/residual/line.h"
@@ -45,8 +45,6 @@ static_assert(offsetof(ObservationDatum, observed.ideal) == ObservationDatumLayo
 int VectorisedModel(const CameraModel& model) {
   return &model == &SnavelyCameraModel() ? kSnavelyModel : model.id;
 }
-
-bool IsPlane(const GroupType& type) { return type.code == Plane::kTypeCode; }
 
 // Calls evaluate(calibration) if the camera of these residuals can be vectorised: K consists of
 // parameters, and the observations stand still.
@@ -95,7 +93,7 @@ bool WireframeLineResidual::EvaluateVectorised(const VectorWork& work) const {
 }
 
 bool VanishingPointResidual::EvaluateVectorised(const VectorWork& work) const {
-  if (type->code != VanishingPoint::kTypeCode) return false;
+  if (!IsVanishingPoint(*type)) return false;
   HOLBA_SIMD_CHOOSE(EvaluateVanishingPoints)(work);
   return true;
 }

@@ -8,13 +8,13 @@
 #include <cmath>
 #include <cstdint>
 #include <map>
-#include <numbers>
 #include <set>
 #include <vector>
 
 #include "holba/base/random.h"
-#include "holba/estimation/lines/line_testing.h"
 #include "holba/estimation/directions/vanishing_points.h"
+#include "holba/estimation/lines/line_testing.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 
@@ -157,7 +157,7 @@ inline Reconstruction Perturbed(const Reconstruction& model, double rotation_deg
   const image_t first = 1, last = static_cast<image_t>(model.images.size());
   for (const auto& [image_id, image] : model.images) {
     if (image_id == first || image_id == last) continue;
-    const Eigen::Vector3d turn = vector(rotation_deg * std::numbers::pi / 180.0 / std::sqrt(3.0));
+    const Eigen::Vector3d turn = vector(DegToRad(rotation_deg) / std::sqrt(3.0));
     Rigid3d pose = image.cam_from_world;
     const Eigen::Vector3d centre = model.CameraCentre(image_id) + vector(position);
     pose.rotation =
@@ -177,7 +177,7 @@ inline PoseErrors ErrorsOf(const Reconstruction& model, const Reconstruction& tr
   PoseErrors sums;
   for (const auto& [id, image] : truth.images) {
     const Eigen::Quaterniond& q = model.images.at(id).cam_from_world.rotation;
-    const double angle = q.angularDistance(image.cam_from_world.rotation) * 180 / std::numbers::pi;
+    const double angle = RadToDeg(q.angularDistance(image.cam_from_world.rotation));
     sums.rotation_deg += angle * angle;
     sums.position += (model.CameraCentre(id) - truth.CameraCentre(id)).squaredNorm();
   }

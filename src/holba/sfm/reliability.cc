@@ -5,13 +5,13 @@
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
-#include <numbers>
 #include <set>
 #include <vector>
 
 #include "holba/base/threads.h"
 #include "holba/estimation/lines/line_uncertainty.h"
 #include "holba/estimation/points/point_uncertainty.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -23,7 +23,7 @@ Verdict Judge(const ReliabilityOptions& options, const ViewMap& views, double si
   if (NumImages(point.track) < static_cast<size_t>(options.min_point_images))
     return Verdict::kFewImages;
   if (MaxTriangulationAngleRad(views, point.xyz, point.track) <
-      options.min_point_angle_deg * std::numbers::pi / 180.0)
+      DegToRad(options.min_point_angle_deg))
     return Verdict::kSmallAngle;
   const auto covariance = PointCovariance(views, point.xyz, point.track, sigma_px);
   if (!covariance) return Verdict::kUncertain;

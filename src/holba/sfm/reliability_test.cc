@@ -7,12 +7,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 #include <string>
 #include <vector>
 
 #include "holba/base/random.h"
 #include "holba/estimation/points/wireframe_testing.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -50,8 +50,7 @@ Reliability Classify(const ReliabilityOptions& options, double sigma_px, const R
 
 TEST(Reliability, PointsAreToldByImagesAngleAndSigmaInThisOrder) {
   Reconstruction model = Row({-0.5, 0.5, 1.5});
-  const double far =
-      1.0 / (2.0 * std::tan(0.7 * std::numbers::pi / 180.0));  // 1.4 degrees between neighbours
+  const double far = 1.0 / (2.0 * std::tan(DegToRad(0.7)));  // 1.4 degrees between neighbours
   AddPointWithObservations({0, 0, 5}, &model);
   const point3D_t of_two = AddPointWithObservations({0, 0, 5}, &model, {0, 1});
   const point3D_t of_one = AddPointWithObservations({0, 0, 5}, &model, {1});

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "holba/base/timer.h"
+#include "holba/group/known_types.h"
 
 namespace holba {
 namespace {
@@ -26,7 +27,7 @@ size_t RemovePlanesOnCurvedRegions(Reconstruction* model) {
   }
   std::set<group3D_t> planes;
   for (const auto& [id, group] : model->groups3D) {
-    if (group.type->name != "PLANE") continue;
+    if (!IsPlane(*group.type)) continue;
     const auto count = std::count_if(group.point3D_ids.begin(), group.point3D_ids.end(),
                                      [&](point3D_t p) { return curved.contains(p); });
     if (2 * static_cast<size_t>(count) > group.point3D_ids.size()) planes.insert(id);

@@ -5,13 +5,13 @@
 
 #include <algorithm>
 #include <array>
-#include <numbers>
 #include <utility>
 #include <vector>
 
 #include "holba/base/check.h"
 #include "holba/base/error.h"
 #include "holba/base/random.h"
+#include "holba/geometry/angle.h"
 #include "holba/synthetic/group_start.h"
 #include "holba/synthetic/synthetic_associations.h"
 #include "holba/synthetic/synthetic_cameras.h"
@@ -231,7 +231,7 @@ void AddAssociations(const SyntheticStructure& structure, Reconstruction* model)
 
 void PerturbPoses(const BundleProblemOptions& options, Reconstruction* model) {
   Random random = StreamOf(options.seed, Stream::kPoses);
-  const double rotation_noise_rad = options.rotation_noise_deg * std::numbers::pi / 180.0;
+  const double rotation_noise_rad = DegToRad(options.rotation_noise_deg);
   std::vector<frame_t> frame_ids;
   for (const auto& [frame_id, frame] : model->frames) frame_ids.push_back(frame_id);
   for (const frame_t frame_id : frame_ids) {

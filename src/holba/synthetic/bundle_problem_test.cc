@@ -7,12 +7,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "holba/base/error.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -21,8 +21,6 @@ using ::testing::AllOf;
 using ::testing::Ge;
 using ::testing::HasSubstr;
 using ::testing::Le;
-
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 
 // Every number of a model, in order, as bytes.
 class Bytes {

@@ -14,6 +14,7 @@
 #include "holba/base/check.h"
 #include "holba/base/error.h"
 #include "holba/base/random.h"
+#include "holba/geometry/angle.h"
 #include "holba/synthetic/synthetic_cameras.h"
 
 namespace holba {
@@ -69,7 +70,7 @@ class PointSource {
   }
   // As mappers ask of a new point: rays that differ by 1.5 degrees.
   bool HasParallax(const Eigen::Vector3d& X, const std::vector<Seen>& track) const {
-    constexpr double kMinAngleRad = 1.5 * std::numbers::pi / 180.0;
+    constexpr double kMinAngleRad = DegToRad(1.5);
     const Eigen::Vector3d first = (X - views_[track.front().image].centre).normalized();
     return std::any_of(track.begin(), track.end(), [&](const Seen& seen) {
       return first.cross((X - views_[seen.image].centre).normalized()).norm() > kMinAngleRad;
@@ -247,7 +248,7 @@ Reconstruction Assemble(const PointGraphOptions& options, PointSource* source) {
 void Perturb(const PointGraphOptions& options, Reconstruction* model) {
   Random pose_random = StreamOf(options.seed, Stream::kPoses);
   Random start_random = StreamOf(options.seed, Stream::kStart);
-  const double rotation_noise_rad = options.rotation_noise_deg * std::numbers::pi / 180.0;
+  const double rotation_noise_rad = DegToRad(options.rotation_noise_deg);
   std::vector<frame_t> frame_ids;
   for (const auto& [frame_id, frame] : model->frames) frame_ids.push_back(frame_id);
   for (const frame_t frame_id : frame_ids) {

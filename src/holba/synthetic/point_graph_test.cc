@@ -5,10 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 #include <vector>
 
 #include "holba/base/error.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -114,11 +114,10 @@ TEST_P(EveryPointGraph, StartsFromTheTruthMovedByTheNoiseAskedFor) {
     const Image& moved = problem.perturbed.images.at(id);
     const Eigen::Vector3d c = problem.perturbed.CameraCentre(id) - problem.truth.CameraCentre(id);
     const Eigen::Vector3d w =
-        LogRotation(moved.cam_from_world.rotation * image.cam_from_world.rotation.conjugate()) *
-        180.0 / std::numbers::pi;
+        LogRotation(moved.cam_from_world.rotation * image.cam_from_world.rotation.conjugate());
     for (int k = 0; k < 3; ++k) {
       centres.push_back(c[k]);
-      rotations_deg.push_back(w[k]);
+      rotations_deg.push_back(RadToDeg(w[k]));
     }
     log_focals.push_back(std::log(problem.perturbed.cameras.at(image.camera_id).params[0] /
                                   problem.truth.cameras.at(image.camera_id).params[0]));

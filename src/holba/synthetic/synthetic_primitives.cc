@@ -13,6 +13,7 @@
 #include "holba/base/check.h"
 #include "holba/base/error.h"
 #include "holba/geometry/rigid3d.h"
+#include "holba/group/known_types.h"
 #include "holba/synthetic/synthetic_structure.h"
 
 namespace holba {
@@ -67,7 +68,7 @@ Eigen::Quaterniond RandomRotation(Random* random) {
 std::vector<const GroupType*> PrimitiveTypes() {
   std::vector<const GroupType*> types;
   for (const GroupType* type : AllGroupTypes()) {
-    if (type->TakesPoints() && type->name != "PLANE") types.push_back(type);
+    if (type->TakesPoints() && !IsPlane(*type)) types.push_back(type);
   }
   return types;
 }
@@ -88,7 +89,7 @@ void AddPrimitive(const GroupType& type, const SyntheticRegion& region, Random* 
     for (double& x : X) x = random->Uniform(-kHalfExtent, kHalfExtent);
     if (!type.project_point(g.data(), X, &projected)) continue;
     if (projected.cwiseAbs().maxCoeff() > kHalfExtent) continue;
-    if (type.name == "CUBOID" && !IsInsideBox(*shape, projected)) continue;
+    if (IsCuboid(type) && !IsInsideBox(*shape, projected)) continue;
     // All points behind a cone's apex fall on it: one is enough.
     const bool is_new = std::none_of(
         surface.begin(), surface.end(),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/synthetic/synthetic_structure.h"
 
-#include "holba/base/check.h"
+#include "holba/group/known_types.h"
 
 namespace holba {
 namespace {
@@ -49,8 +49,6 @@ void AddFloatingLine(const SyntheticRegion& region, Random* random, SyntheticStr
 
 void AddPlaneWithSurroundings(const SyntheticRegion& region, Random* random,
                               SyntheticStructure* structure) {
-  const GroupType* type = FindGroupType("PLANE");
-  HOLBA_CHECK(type != nullptr);
   const int axis = static_cast<int>(random->Index(3));
   const int u = (axis + 1) % 3, v = (axis + 2) % 3;
   double relative = random->Uniform(-1.0, 1.0);
@@ -60,7 +58,7 @@ void AddPlaneWithSurroundings(const SyntheticRegion& region, Random* random,
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
   normal[axis] = 1.0;
 
-  SyntheticGroup plane{type, {normal.x(), normal.y(), normal.z(), -offset}, {}, {}};
+  SyntheticGroup plane{&PlaneType(), {normal.x(), normal.y(), normal.z(), -offset}, {}, {}};
   const int plane_idx = static_cast<int>(structure->groups.size());
   Eigen::Vector3d origin, step = Eigen::Vector3d::Zero();
   origin[axis] = offset;
@@ -106,11 +104,9 @@ void AddFloatingFeatures(const SyntheticRegion& region, Random* random,
 }
 
 void AddVanishingPoints(SyntheticStructure* structure) {
-  const GroupType* type = FindGroupType("VP");
-  HOLBA_CHECK(type != nullptr);
   const uint32_t first = static_cast<uint32_t>(structure->groups.size());
   for (int axis = 0; axis < 3; ++axis) {
-    SyntheticGroup vp{type, {0.0, 0.0, 0.0}, {}, {}};
+    SyntheticGroup vp{&VanishingPointType(), {0.0, 0.0, 0.0}, {}, {}};
     vp.params[axis] = 1.0;
     for (uint32_t line = 0; line < structure->segments.size(); ++line) {
       if (structure->axis_of_line[line] == axis) vp.lines.push_back(line);
@@ -123,7 +119,7 @@ void AddVanishingPoints(SyntheticStructure* structure) {
     }
   }
   for (uint32_t group = 0; group < first; ++group) {
-    if (structure->groups[group].type->name != "PLANE") continue;
+    if (!IsPlane(*structure->groups[group].type)) continue;
     for (uint32_t axis = 0; axis < 3; ++axis) {
       if (structure->groups[group].params[axis] != 0.0) {
         structure->relations.push_back({group, first + axis, RelationType::kParallel});

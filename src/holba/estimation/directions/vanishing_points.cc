@@ -10,12 +10,12 @@
 
 #include "holba/base/random.h"
 #include "holba/estimation/directions/direction_fit.h"
+#include "holba/geometry/angle.h"
 #include "holba/robust/j_linkage.h"
 
 namespace holba {
 namespace {
 
-constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 // Two lines always meet, so three are the fewest whose meeting says something.
 constexpr size_t kMinCluster = 3;
 // Sine of the angle of two planes below which their intersection is rounding.

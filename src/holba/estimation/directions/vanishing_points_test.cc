@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "holba/base/random.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -28,7 +29,7 @@ Eigen::Matrix3d Calibration() {
 }
 
 double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), std::abs(a.dot(b))) * 180.0 / std::numbers::pi;
+  return RadToDeg(std::atan2(a.cross(b).norm(), std::abs(a.dot(b))));
 }
 
 // Segments of 3D lines along given directions, seen by a camera at the origin, with Gaussian noise

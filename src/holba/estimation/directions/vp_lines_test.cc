@@ -5,10 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 #include <tuple>
 
 #include "holba/estimation/directions/vp_testing.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -30,7 +30,7 @@ void AddVp(group3D_t id, const Eigen::Vector3d& d, Reconstruction* model) {
 TEST(LineLabels, GoToTheBestVanishingPointAndOnlyThere) {
   ParallelLines scene(8);
   scene.AddDirection(kX, 10, 0.1, 0.0, 1, 8, true);
-  const double small = 0.3 * std::numbers::pi / 180.0;
+  const double small = DegToRad(0.3);
   AddVp(1, {std::cos(small), std::sin(small), 0.0}, &scene.model);
   AddVp(2, kX, &scene.model);
   AddVp(3, kY, &scene.model);

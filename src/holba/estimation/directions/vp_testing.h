@@ -5,10 +5,10 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 #include <string>
 
 #include "holba/base/random.h"
+#include "holba/geometry/angle.h"
 #include "holba/scene/ideal_view.h"
 #include "holba/scene/image_features.h"
 #include "holba/scene/reconstruction.h"
@@ -17,7 +17,7 @@ namespace holba {
 
 // Degrees between two axes.
 inline double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), std::abs(a.dot(b))) * 180.0 / std::numbers::pi;
+  return RadToDeg(std::atan2(a.cross(b).norm(), std::abs(a.dot(b))));
 }
 
 inline Eigen::Vector3d DirectionOf(const Group3D& vp) {
@@ -59,8 +59,7 @@ class ParallelLines {
                     image_t first, image_t last, bool in_space) {
     for (image_t id = first; id <= last; ++id) {
       const Eigen::Vector3d axis(random_.Normal(), random_.Normal(), random_.Normal());
-      const Eigen::AngleAxisd turn(random_.Normal(vp_noise_deg) * std::numbers::pi / 180.0,
-                                   axis.normalized());
+      const Eigen::AngleAxisd turn(DegToRad(random_.Normal(vp_noise_deg)), axis.normalized());
       const Eigen::Vector3d turned = turn * d;
       features[id].vanishing_points.push_back(
           {(random_.Uniform() < 0.5 ? -1.0 : 1.0) * (IdealView(model, id).R() * turned),

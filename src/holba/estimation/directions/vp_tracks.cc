@@ -6,19 +6,19 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <numbers>
 #include <optional>
 #include <utility>
 
 #include "holba/base/check.h"
 #include "holba/estimation/directions/direction_fit.h"
+#include "holba/geometry/angle.h"
+#include "holba/group/known_types.h"
 #include "holba/robust/median.h"
 #include "holba/scene/views.h"
 
 namespace holba {
 namespace {
 
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 // Largest number of starts of the search for one direction; of more image vanishing points an even
 // selection is taken.
 constexpr size_t kMaxStarts = 500;
@@ -349,8 +349,6 @@ VpTrackReport FormVanishingPoints(const VpTrackOptions& options, const ImageFeat
   TrackSearch search(options, std::move(nodes), report.num_images, &report);
   const std::vector<Track> tracks = search.Run();
 
-  const GroupType* const type = FindGroupType("VP");
-  HOLBA_CHECK(type != nullptr);
   size_t num_members = 0;
   for (const Track& track : tracks) {
     std::optional<group3D_t> id = FindVp(*model, track.direction, options.merge_deg);
@@ -360,7 +358,8 @@ VpTrackReport FormVanishingPoints(const VpTrackOptions& options, const ImageFeat
     }
     if (!id) {
       ++report.num_new_vps;
-      id = model->AddGroup3D(*type, {track.direction.x(), track.direction.y(), track.direction.z()});
+      id = model->AddGroup3D(VanishingPointType(),
+                             {track.direction.x(), track.direction.y(), track.direction.z()});
     }
     VpTrackReport::Track& entry = report.tracks[*id];
     for (const size_t k : track.nodes) entry.members.push_back(search.node(k).id);

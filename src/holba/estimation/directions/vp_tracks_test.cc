@@ -7,11 +7,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
 #include "holba/estimation/directions/vp_lines.h"
 #include "holba/estimation/directions/vp_testing.h"
+#include "holba/geometry/angle.h"
 #include "holba/scene/ideal_view.h"
 
 namespace holba {
@@ -98,7 +98,7 @@ TEST(VpTracks, OfFewImagesNeedFewer) {
 
 TEST(VpTracks, ThatAreNearAreOneAndThoseFurtherApartIfTheyShareLines) {
   const auto turned = [](double deg) {
-    const double angle = deg * std::numbers::pi / 180.0;
+    const double angle = DegToRad(deg);
     return Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0);
   };
   // Images 1 to 6 say one direction, 7 to 12 another one for the same lines; the truth lies with

@@ -3,7 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "holba/geometry/angle.h"
 
 namespace holba {
 
@@ -60,7 +61,7 @@ double GroupResidual(const GroupType& type, const double* g, const FitLine& line
     Eigen::Vector3d v;
     type.direction(g, &v, nullptr);
     const Eigen::Vector3d& d = line.line.direction;
-    return std::atan2(v.cross(d).norm(), std::abs(v.dot(d))) * 180.0 / std::numbers::pi;
+    return RadToDeg(std::atan2(v.cross(d).norm(), std::abs(v.dot(d))));
   }
   return std::max(GroupResidual(type, g, FitPoint{line.start, line.length_per_px}),
                   GroupResidual(type, g, FitPoint{line.end, line.length_per_px}));

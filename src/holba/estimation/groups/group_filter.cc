@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "holba/base/threads.h"
+#include "holba/robust/median.h"
 
 namespace holba {
 
@@ -13,11 +14,9 @@ MemberTest TestMembers(const GroupType& type, const std::vector<double>& residua
   MemberTest test;
   test.is_inlier.assign(residuals.size(), false);
   if (residuals.empty()) return test;
-  std::vector<double> sorted = residuals;
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
+  const double median = Median(residuals);
   const double keep = type.IsParallelism() ? options.keep_deg : options.keep_px;
-  test.limit = std::min(std::max(options.max_mads * *middle, keep), options.fit.Limit(type));
+  test.limit = std::min(std::max(options.max_mads * median, keep), options.fit.Limit(type));
   for (size_t i = 0; i < residuals.size(); ++i) {
     test.is_inlier[i] = residuals[i] <= test.limit;
     test.num_inliers += test.is_inlier[i];

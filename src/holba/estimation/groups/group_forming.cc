@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "holba/estimation/groups/group_estimation.h"
+#include "holba/geometry/angle.h"
 #include "holba/robust/median.h"
 
 namespace holba {
@@ -126,7 +126,7 @@ class GroupFormer {
     Eigen::Vector3d n;
     type.direction(g, &n, nullptr);
     const double angle = std::atan2(n.cross(seen).norm(), std::abs(n.dot(seen)));
-    return angle * 180.0 / std::numbers::pi <= options_.max_normal_angle_deg;
+    return RadToDeg(angle) <= options_.max_normal_angle_deg;
   }
 
   // Number of the region's features that are members.

@@ -12,8 +12,9 @@
 
 #include "holba/base/threads.h"
 #include "holba/estimation/groups/group_estimation.h"
-#include "holba/robust/kd_tree.h"
 #include "holba/geometry/manifold.h"
+#include "holba/group/known_types.h"
+#include "holba/robust/kd_tree.h"
 
 namespace holba {
 namespace {
@@ -76,10 +77,9 @@ struct PlaneExtent {
 };
 
 std::vector<PlaneExtent> PlanesOf(const Reconstruction& model) {
-  const GroupType* plane_type = FindGroupType("PLANE");
   std::vector<PlaneExtent> planes;
   for (const auto& [id, group] : model.groups3D) {
-    if (group.type != plane_type) continue;
+    if (!IsPlane(*group.type)) continue;
     PlaneExtent plane;
     plane.id = id;
     plane.group = &group;

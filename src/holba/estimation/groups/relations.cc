@@ -4,21 +4,20 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <set>
 #include <utility>
 #include <vector>
 
 #include "holba/base/check.h"
+#include "holba/geometry/angle.h"
 #include "holba/group/fit.h"
+#include "holba/group/known_types.h"
+#include "holba/robust/median.h"
 
 namespace holba {
 namespace {
 
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
-// Median of the absolute value of a normal variable, inverted.
-constexpr double kSigmasPerMedian = 1.4826;
 // Least ratio of the variances across and along the members of a plane; members below it are
 // collinear up to rounding.
 constexpr double kMinAspect = 1e-12;
@@ -42,9 +41,8 @@ double FitSigmaDeg(const Reconstruction& model, const Group3D& vp, const Eigen::
     angles.push_back(AngleDeg(model.lines3D.at(id).line.direction, unit));
   }
   if (angles.empty()) return 0.0;  // refitted to segments, not to lines
-  const auto middle = angles.begin() + angles.size() / 2;
-  std::nth_element(angles.begin(), middle, angles.end());
-  return kSigmasPerMedian * *middle / std::sqrt(static_cast<double>(angles.size()));
+  const double root = std::sqrt(static_cast<double>(angles.size()));
+  return kSigmaPerMedian * Median(std::move(angles)) / root;
 }
 
 // Standard deviation of the normal's angle about the axis along which the members spread most: the
@@ -76,7 +74,7 @@ std::vector<Direction> Directions(const RelationOptions& options, const Reconstr
   for (const auto& [id, group] : model.groups3D) {
     const bool is_vp = group.type->IsParallelism();
     // Relations are not defined for other types with a direction (axes).
-    if (!is_vp && group.type->name != "PLANE") continue;
+    if (!is_vp && !IsPlane(*group.type)) continue;
     Direction direction = {id, group.type, {group.params[0], group.params[1], group.params[2]}, 0};
     direction.unit.normalize();
     if (is_vp) {

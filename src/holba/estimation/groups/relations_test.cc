@@ -6,11 +6,11 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <numbers>
 #include <tuple>
 #include <vector>
 
 #include "holba/base/random.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -19,8 +19,6 @@ using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using ::testing::Pair;
 using ::testing::UnorderedElementsAre;
-
-constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
 // In the plane of x and y.
 Eigen::Vector3d AtAngle(double deg) {

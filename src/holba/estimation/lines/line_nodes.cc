@@ -3,26 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
 #include "holba/base/threads.h"
+#include "holba/estimation/lines/line_consensus.h"
 #include "holba/estimation/lines/line_proposals.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
 
-constexpr double kRadian = std::numbers::pi / 180.0;
-// Scales of the score between two proposals of one segment.
-constexpr double kScoreRelativeDepth = 0.015;
-constexpr double kScoreAngle3dDeg = 10.0;
-// Scales of the score between a proposal and a segment of another image.
-constexpr double kScoreDistancePx = 2.0;
-constexpr double kScoreAngleDeg = 5.0;
-constexpr double kMinScoreOverlap = 0.05;
-// For overlaps below this the angle's scale falls linearly to kLittleOverlapDeg.
-constexpr double kLittleOverlap = 0.2;
-constexpr double kLittleOverlapDeg = 1.0;
 // Scales of the test that a proposal from one view alone is seen in other images.
 constexpr double kCheckDistancePx = 2.0;
 constexpr double kCheckAngleDeg = 3.0;
@@ -44,14 +34,6 @@ constexpr double kSharedPointBonus = 0.15;  // in descriptor distance
 constexpr double kMissingDescriptorScale = 0.4;
 constexpr size_t kMaxOnePoint = 2;
 
-struct Proposal {
-  uint32_t view, segment;  // that supports it
-  ProposalKind kind;
-  int32_t plane;
-  double length_start, length_end;  // along the rays
-  Eigen::Vector3d start, end, along;
-};
-
 struct Candidate {
   uint32_t segment;
   float rank;  // smaller is better
@@ -60,36 +42,6 @@ struct Candidate {
 
 SegmentPlane PlaneOf(const SceneView& view, const SceneSegment& segment) {
   return {view.view.centre(), segment.ray_start, segment.ray_end, segment.normal};
-}
-
-// Score of a proposal with these ends against a segment of the view.
-double ScoreInImage(const SceneView& view, const SceneSegment& segment,
-                    const Eigen::Vector3d& start, const Eigen::Vector3d& end, bool oriented) {
-  const std::optional<Eigen::Vector2d> a = view.view.Project(start), b = view.view.Project(end);
-  if (!a || !b) return 0.0;
-  double distance = std::max(std::abs(segment.line.dot(a->homogeneous())),
-                             std::abs(segment.line.dot(b->homogeneous())));
-  if (distance > kScoreDistancePx) return 0.0;
-  const Eigen::Vector2d across = *b - *a;
-  const double length = across.norm();
-  if (!(length > 0.0)) return 0.0;
-  const Eigen::Vector2d along = across / length;
-  const double cosine = along.dot(segment.along);
-  if (oriented && cosine < 0.0) return 0.0;
-  const double overlap = OverlapInImage(segment, *a, *b);
-  if (overlap <= kMinScoreOverlap) return 0.0;
-  double threshold = kScoreAngleDeg;
-  if (overlap < kLittleOverlap) {
-    threshold = kLittleOverlapDeg + (kScoreAngleDeg - kLittleOverlapDeg) *
-                                        (overlap - kMinScoreOverlap) /
-                                        (kLittleOverlap - kMinScoreOverlap);
-  }
-  const double sine = along.x() * segment.along.y() - along.y() * segment.along.x();
-  const double angle = std::asin(std::min(1.0, std::abs(sine))) / kRadian;
-  const Eigen::Vector2d normal(-along.y(), along.x());
-  distance = std::max({distance, std::abs(normal.dot(segment.ideal.start - *a)),
-                       std::abs(normal.dot(segment.ideal.end - *a))});
-  return std::min(ScoreOf(angle, threshold), ScoreOf(distance, kScoreDistancePx));
 }
 
 // Matches of an image with one of its neighbours: for each segment, those of the neighbour with
@@ -141,7 +93,8 @@ class Placer {
         adjacency_(adjacency),
         view_idx_(view_idx),
         view_(scene.views[view_idx]),
-        min_sine_(std::sin(options.min_ray_plane_angle_deg * kRadian)) {
+        scorer_(options, scene),
+        min_sine_(std::sin(options.min_ray_plane_angle_deg * kRadPerDeg)) {
     fundamental_.reserve(view_.neighbours.size());
     for (uint32_t other : view_.neighbours) {
       fundamental_.push_back(FundamentalMatrix(view_.view, scene.views[other].view));
@@ -178,7 +131,7 @@ class Placer {
                                       : "segment: no candidate in any neighbour"];
       return;
     }
-    Score(node);
+    scorer_.Score(&proposals_, node);
     if (!node->placed) {
       ++counts->dropped["segment: no proposal reaches min_score"];
       return;
@@ -372,7 +325,7 @@ class Placer {
       const double sine =
           std::abs(to.x() * segment.along.y() - to.y() * segment.along.x()) / length;
       return 0.5 * segment.length_px * sine <= kVanishingDistancePx &&
-             sine <= std::sin(kVanishingAngleDeg * kRadian);
+             sine <= std::sin(kVanishingAngleDeg * kRadPerDeg);
     };
     for (const Eigen::Vector3d& direction : scene_.directions) {
       if (runs_to(direction)) directions_.push_back(direction);
@@ -381,7 +334,7 @@ class Placer {
     if (own >= 0 && static_cast<size_t>(own) < view_.image_directions.size()) {
       const Eigen::Vector3d& direction = view_.image_directions[own];
       for (const Eigen::Vector3d& known : directions_) {
-        if (known.cross(direction).norm() < std::sin(1.0 * kRadian)) return;
+        if (known.cross(direction).norm() < std::sin(DegToRad(1.0))) return;
       }
       directions_.push_back(direction);
     }
@@ -395,7 +348,7 @@ class Placer {
     const Eigen::Vector3d start = plane_.centre + lengths.start * segment.ray_start;
     const Eigen::Vector3d end = plane_.centre + lengths.end * segment.ray_end;
     checked_.clear();
-    const double max_sine = std::sin(kCheckAngleDeg * kRadian);
+    const double max_sine = std::sin(kCheckAngleDeg * kRadPerDeg);
     for (size_t n = 0; n < view_.neighbours.size(); ++n) {
       const uint32_t other_idx = view_.neighbours[n];
       const SceneView& other = scene_.views[other_idx];
@@ -459,8 +412,8 @@ class Placer {
     size_t used = 0;
     for (const auto& [votes, plane] : plane_votes_) {
       if (votes < kMinPlanePoints || used++ >= kMaxPlanesPerSegment) break;
-      const std::optional<RayLengths> lengths =
-          ProposeOnPlane(plane_, scene_.planes[plane].plane, std::sin(kMinPlaneAngleDeg * kRadian));
+      const std::optional<RayLengths> lengths = ProposeOnPlane(
+          plane_, scene_.planes[plane].plane, std::sin(kMinPlaneAngleDeg * kRadPerDeg));
       if (lengths)
         CheckAndAdd(segment_idx, segment, ProposalKind::kScenePlane, static_cast<int32_t>(plane),
                     *lengths);
@@ -493,70 +446,12 @@ class Placer {
     }
   }
 
-  void Score(SegmentNode* node) {
-    std::stable_sort(
-        proposals_.begin(), proposals_.end(),
-        [](const Proposal& a, const Proposal& b) { return a.length_start < b.length_start; });
-    best_of_view_.assign(scene_.views.size(), 0.0);
-    const double min_cosine = std::cos(kScoreAngle3dDeg * kRadian);
-    size_t first = 0;
-    double plane_score = 0.0;
-    for (size_t i = 0; i < proposals_.size(); ++i) {
-      const Proposal& p = proposals_[i];
-      const double window = kScoreRelativeDepth * p.length_start;
-      while (proposals_[first].length_start < p.length_start - window) ++first;
-      touched_.clear();
-      for (size_t k = first; k < proposals_.size(); ++k) {
-        const Proposal& q = proposals_[k];
-        if (q.length_start > p.length_start + window) break;
-        if (q.view == p.view) continue;
-        const double end = std::abs(q.length_end - p.length_end) / p.length_end;
-        if (end > kScoreRelativeDepth) continue;
-        const double cosine = p.along.dot(q.along);
-        if (cosine < min_cosine) continue;
-        const double start = std::abs(q.length_start - p.length_start) / p.length_start;
-        double& best = best_of_view_[q.view];
-        double score =
-            std::min(ScoreOf(std::max(start, end), kScoreRelativeDepth),
-                     ScoreOf(std::acos(std::min(1.0, cosine)) / kRadian, kScoreAngle3dDeg));
-        if (score <= best) continue;
-        score = std::min(
-            score, ScoreInImage(scene_.views[q.view], scene_.views[q.view].segments[q.segment],
-                                p.start, p.end, options_.oriented));
-        if (score <= best) continue;
-        if (best == 0.0) touched_.push_back(q.view);
-        best = score;
-      }
-      double sum = 0.0;
-      std::sort(touched_.begin(), touched_.end());
-      for (uint32_t view : touched_) {
-        sum += best_of_view_[view];
-        best_of_view_[view] = 0.0;
-      }
-      if (sum < options_.min_score) continue;
-      node->agreeing.push_back({p.view, p.segment});
-      if (p.plane >= 0 && sum > plane_score) {
-        plane_score = sum;
-        node->plane = p.plane;
-      }
-      if (!node->placed || sum > node->score) {
-        node->placed = true;
-        node->score = sum;
-        node->kind = p.kind;
-        node->start = p.start;
-        node->end = p.end;
-      }
-    }
-    std::sort(node->agreeing.begin(), node->agreeing.end());
-    node->agreeing.erase(std::unique(node->agreeing.begin(), node->agreeing.end()),
-                         node->agreeing.end());
-  }
-
   const LineOptions& options_;
   const LineScene& scene_;
   const std::vector<Adjacency>* adjacency_;  // to each neighbour; null: not guided
   const uint32_t view_idx_;
   const SceneView& view_;
+  ProposalScorer scorer_;
   const double min_sine_;
   std::vector<Eigen::Matrix3d> fundamental_;  // to each neighbour
   std::vector<std::vector<double>> heights_;
@@ -572,19 +467,10 @@ class Placer {
   std::vector<std::pair<size_t, uint32_t>> plane_votes_;
   std::vector<NearPoint> near_;
   std::vector<double> lengths_;
-  std::vector<double> best_of_view_;
-  std::vector<uint32_t> touched_;
   size_t weak_angle_ = 0, bad_depth_ = 0, unlike_ = 0;
 };
 
 }  // namespace
-
-double ScoreOf(double value, double threshold) {
-  // exp(-(1/2) (x / 0.8493)^2) is a half at x = 1.
-  if (!(value <= threshold)) return 0.0;
-  const double x = value / threshold;
-  return std::exp2(-x * x);
-}
 
 std::vector<std::vector<SegmentNode>> PlaceSegments(const LineOptions& options,
                                                     const LineScene& scene,

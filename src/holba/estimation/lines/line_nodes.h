@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The 3D hypothesis of each segment and the segments of other images that agree with it: candidates
-// by epipolar geometry (or given matches), proposals (line_proposals.h), scores by consensus.
+// by epipolar geometry (or given matches), proposals (line_proposals.h), scores (line_consensus.h).
 #pragma once
 
 #include <Eigen/Core>
@@ -56,8 +56,5 @@ std::vector<std::vector<SegmentNode>> PlaceSegments(const LineOptions& options,
                                                     const LineScene& scene,
                                                     const LineMatchMap* matches, int num_threads,
                                                     NodeCounts* counts);
-
-// 1 at 0, 0.5 at the threshold, and 0 beyond it.
-double ScoreOf(double value, double threshold);
 
 }  // namespace holba

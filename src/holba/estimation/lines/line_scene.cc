@@ -3,13 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 #include <unordered_map>
 
 #include "holba/base/check.h"
 #include "holba/base/error.h"
 #include "holba/base/threads.h"
+#include "holba/geometry/angle.h"
+#include "holba/group/known_types.h"
 #include "holba/scene/covisibility.h"
 #include "holba/scene/views.h"
 
@@ -139,7 +140,7 @@ void FindNeighbours(const LineOptions& options, const Covisibility& covisibility
   };
   std::vector<Neighbour> found;
   std::vector<double> cosines;
-  const double max_cosine = std::cos(options.min_neighbour_angle_deg * std::numbers::pi / 180.0);
+  const double max_cosine = std::cos(DegToRad(options.min_neighbour_angle_deg));
   for (size_t k = 0; k < covisible.size(); ++k) {
     const uint32_t other = covisible[k].image_idx, num_points = covisible[k].num_points;
     if (num_points < kMinSharedPoints) continue;
@@ -208,14 +209,14 @@ LineScene MakeLineScene(const LineOptions& options, const Reconstruction& model,
   }
   scene.planes_of_point.resize(scene.points.size());
   for (const auto& [id, group] : model.groups3D) {
-    if (group.type->name == "PLANE") {
+    if (IsPlane(*group.type)) {
       const uint32_t plane_idx = static_cast<uint32_t>(scene.planes.size());
       scene.planes.push_back({id, Eigen::Map<const Eigen::Vector4d>(group.params.data())});
       for (point3D_t point : group.point3D_ids) {
         const auto it = point_idx.find(point);
         if (it != point_idx.end()) scene.planes_of_point[it->second].push_back(plane_idx);
       }
-    } else if (group.type->name == "VP") {
+    } else if (group.type->IsParallelism()) {
       scene.directions.push_back(
           Eigen::Map<const Eigen::Vector3d>(group.params.data()).normalized());
       scene.direction_ids.push_back(id);

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// JoinSegments: a union-find over pairs of segments, strongest first.
+// JoinSegments: pairs of segments join their sets, strongest first.
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
-#include <numeric>
 
+#include "holba/base/union_find.h"
+#include "holba/estimation/lines/line_consensus.h"
 #include "holba/estimation/lines/line_tracks.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
 
-constexpr double kRadian = std::numbers::pi / 180.0;
 constexpr double kJoinAngleDeg = 10.0;
 constexpr double kMinJoinOverlap = 0.05;
 constexpr double kLittleJoinOverlap = 0.1;  // below it the angle's threshold falls to:
@@ -101,7 +101,7 @@ std::vector<LineTrack> JoinSegments(const LineOptions& options, const LineScene&
                                                 (c.overlap - kMinJoinOverlap) /
                                                 (kLittleJoinOverlap - kMinJoinOverlap);
       }
-      const double angle = std::acos(std::min(1.0, std::abs(c.cosine))) / kRadian;
+      const double angle = std::acos(std::min(1.0, std::abs(c.cosine))) / kRadPerDeg;
       const double weight =
           std::min(ScoreOf(angle, threshold), ScoreOf(c.distance, std::min(sigma[a], sigma[b])));
       if (!(weight > 0.0)) {
@@ -115,22 +115,17 @@ std::vector<LineTrack> JoinSegments(const LineOptions& options, const LineScene&
     if (x.weight != y.weight) return x.weight > y.weight;
     return x.a != y.a ? x.a < y.a : x.b < y.b;
   });
-  std::vector<uint32_t> parent(keys.size());
-  std::iota(parent.begin(), parent.end(), 0u);
-  const auto root = [&](uint32_t i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-  };
+  UnionFind sets(keys.size());
   for (const Edge& edge : edges) {
-    const uint32_t a = root(edge.a), b = root(edge.b);
-    if (a != b) parent[std::max(a, b)] = std::min(a, b);
+    const uint32_t a = sets.Root(edge.a), b = sets.Root(edge.b);
+    sets.Join(std::min(a, b), std::max(a, b));
   }
   std::vector<LineTrack> tracks;
   std::vector<int64_t> track_of_root(keys.size(), -1);
   std::vector<uint32_t> size_of_root(keys.size(), 0);
-  for (uint32_t i = 0; i < keys.size(); ++i) ++size_of_root[root(i)];
+  for (uint32_t i = 0; i < keys.size(); ++i) ++size_of_root[sets.Root(i)];
   for (uint32_t i = 0; i < keys.size(); ++i) {
-    const uint32_t r = root(i);
+    const uint32_t r = sets.Root(i);
     if (size_of_root[r] < 2) {
       if (nodes[keys[i].view][keys[i].segment].placed)
         ++counts->dropped["segment: placed, but no other agrees"];

@@ -2,16 +2,15 @@
 // RefineTracks: rounds of fitting, merging and claiming.
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include "holba/base/threads.h"
 #include "holba/estimation/lines/line_tracks.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
 
-constexpr double kRadian = std::numbers::pi / 180.0;
 constexpr double kCauchyPx = 1.0;
 constexpr int kMaxFits = 4;  // with members dropped in between
 // A direction or a plane is kept in a fit while the pixels allow it.
@@ -46,7 +45,7 @@ ImageFit FitInImage(const SceneView& view, uint32_t segment_idx, const AnchoredL
                                    std::abs(image->dot(segment.ideal.end.homogeneous())));
   if (!(distance <= max_distance_px)) return {};
   const double cosine = normal.dot(segment.line.head<2>());
-  if ((oriented ? cosine : std::abs(cosine)) < std::cos(max_angle_deg * kRadian)) return {};
+  if ((oriented ? cosine : std::abs(cosine)) < std::cos(max_angle_deg * kRadPerDeg)) return {};
   const std::optional<Eigen::Vector2d> a = view.view.Project(line.At(t_start));
   const std::optional<Eigen::Vector2d> b = view.view.Project(line.At(t_end));
   if (!a || !b || OverlapInImage(segment, *a, *b) < min_overlap) return {};

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/estimation/lines/lines_from_segments.h"
 
-#include <algorithm>
+#include <utility>
 
 #include "holba/base/timer.h"
 #include "holba/estimation/lines/line_scene.h"
 #include "holba/estimation/lines/line_tracks.h"
+#include "holba/robust/median.h"
 
 namespace holba {
 namespace {
@@ -81,11 +82,7 @@ LineReport BuildLines(const LineOptions& options, const ImageFeatureMap& feature
     if (track.direction >= 0) report.vp_of_line[id] = scene.direction_ids[track.direction];
     if (track.plane >= 0) report.plane_of_line[id] = scene.planes[track.plane].id;
   }
-  if (!errors_px.empty()) {
-    const size_t middle = errors_px.size() / 2;
-    std::nth_element(errors_px.begin(), errors_px.begin() + middle, errors_px.end());
-    report.median_error_px = errors_px[middle];
-  }
+  report.median_error_px = Median(std::move(errors_px));
   report.seconds_tracks = tracks_timer.Seconds();
   return report;
 }

@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "holba/base/check.h"
 #include "holba/base/random.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -237,7 +237,7 @@ std::optional<TriangulatedPoint> TriangulatePoint(std::span<const PointView> vie
   const std::vector<PointView> inliers = Selected(views, best->consensus.is_inlier);
   TriangulatedPoint result;
   result.max_angle_rad = MaxAngle(inliers, best->xyz);
-  if (result.max_angle_rad < options.min_angle_deg * std::numbers::pi / 180.0) return std::nullopt;
+  if (result.max_angle_rad < DegToRad(options.min_angle_deg)) return std::nullopt;
   const auto covariance = PointCovariance(inliers, best->xyz);
   if (!covariance) return std::nullopt;
   result.covariance_1px = *covariance;

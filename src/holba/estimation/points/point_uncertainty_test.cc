@@ -4,9 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <numbers>
-
 #include "holba/estimation/points/point_scene_testing.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -60,7 +59,7 @@ TEST(PointUncertainty, AngleAndLengthOfAPixelAreThoseOfTheGeometry) {
   EXPECT_NEAR(geometry->gsd, 10.0 / 700.0, 1e-12);
   EXPECT_NEAR(geometry->angle_rad, 2.0 * std::atan(0.1), 1e-9);
   // 11.4 degrees: sin 15 / sin 11.4 times the GSD.
-  const double rad = std::numbers::pi / 180.0;
+  const double rad = DegToRad(1.0);
   EXPECT_NEAR(geometry->LengthPerPx(),
               geometry->gsd * std::sin(15 * rad) / std::sin(geometry->angle_rad), 1e-12);
   EXPECT_EQ((PointGeometry{1.0, 1 * rad, 2}.LengthPerPx()), 2.5);

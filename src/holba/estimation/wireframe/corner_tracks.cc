@@ -4,14 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numeric>
 #include <optional>
 #include <tuple>
 #include <utility>
 
 #include "holba/base/threads.h"
-#include "holba/estimation/wireframe/corner_matching.h"
+#include "holba/base/union_find.h"
 #include "holba/estimation/points/point_triangulation.h"
+#include "holba/estimation/wireframe/corner_matching.h"
+#include "holba/robust/median.h"
 #include "holba/scene/covisibility.h"
 #include "holba/scene/views.h"
 
@@ -26,20 +27,16 @@ struct Corner {
 // Joins matched corners, best matches first, never two of one image.
 class TrackBuilder {
  public:
-  explicit TrackBuilder(const std::vector<CornerField>& fields) : first_(fields.size() + 1, 0) {
-    for (size_t i = 0; i < fields.size(); ++i) {
-      first_[i + 1] = first_[i] + static_cast<uint32_t>(fields[i].size());
-    }
-    parent_.resize(first_.back());
-    std::iota(parent_.begin(), parent_.end(), 0u);
-    members_.resize(parent_.size());
+  explicit TrackBuilder(const std::vector<CornerField>& fields)
+      : first_(FirstOfEach(fields)), sets_(first_.back()), members_(first_.back()) {
     for (uint32_t i = 0; i < fields.size(); ++i) {
       for (uint32_t k = 0; k < fields[i].size(); ++k) members_[first_[i] + k] = {{i, k}};
     }
   }
 
   void Join(const Corner& a, const Corner& b) {
-    uint32_t into = Root(first_[a.image] + a.corner), from = Root(first_[b.image] + b.corner);
+    uint32_t into = sets_.Root(first_[a.image] + a.corner);
+    uint32_t from = sets_.Root(first_[b.image] + b.corner);
     if (into == from) return;
     if (members_[into].size() < members_[from].size()) std::swap(into, from);
     for (const Corner& c : members_[from]) {
@@ -49,7 +46,7 @@ class TrackBuilder {
     }
     members_[into].insert(members_[into].end(), members_[from].begin(), members_[from].end());
     members_[from].clear();
-    parent_[from] = into;
+    sets_.Join(into, from);
   }
 
   // Of at least `min_size` corners, ordered by image; in a fixed order.
@@ -65,12 +62,16 @@ class TrackBuilder {
   }
 
  private:
-  uint32_t Root(uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
+  static std::vector<uint32_t> FirstOfEach(const std::vector<CornerField>& fields) {
+    std::vector<uint32_t> first(fields.size() + 1, 0);
+    for (size_t i = 0; i < fields.size(); ++i) {
+      first[i + 1] = first[i] + static_cast<uint32_t>(fields[i].size());
+    }
+    return first;
   }
 
-  std::vector<uint32_t> first_, parent_;
+  const std::vector<uint32_t> first_;  // number of each image's first corner
+  UnionFind sets_;
   std::vector<std::vector<Corner>> members_;  // of roots
 };
 
@@ -315,10 +316,7 @@ class CornerTriangulator {
   void Summarise() {
     std::vector<double> errors;
     for (point3D_t id : report_.point3D_ids) errors.push_back(model_->points3D.at(id).error);
-    if (errors.empty()) return;
-    const auto middle = errors.begin() + static_cast<ptrdiff_t>(errors.size() / 2);
-    std::nth_element(errors.begin(), middle, errors.end());
-    report_.median_error_px = *middle;
+    report_.median_error_px = Median(std::move(errors));
   }
 
   const CornerTrackOptions& options_;

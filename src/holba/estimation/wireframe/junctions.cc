@@ -4,7 +4,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 #include <optional>
 #include <span>
@@ -12,8 +11,9 @@
 #include <utility>
 
 #include "holba/base/threads.h"
-#include "holba/estimation/wireframe/point_on_line.h"
 #include "holba/estimation/points/point_triangulation.h"
+#include "holba/estimation/wireframe/point_on_line.h"
+#include "holba/geometry/angle.h"
 #include "holba/scene/views.h"
 
 namespace holba {
@@ -81,7 +81,7 @@ std::vector<Segment> SegmentsOfLines(const Reconstruction& model, const Image& i
 // All pairs of segments of different lines that meet, by a sweep over their bounds in x.
 std::vector<Contact> FindContacts(const std::vector<Segment>& segments, uint32_t image,
                                   const JunctionOptions& options) {
-  const double min_sine = std::sin(options.min_angle_deg * std::numbers::pi / 180.0);
+  const double min_sine = std::sin(DegToRad(options.min_angle_deg));
   std::vector<uint32_t> order(segments.size());
   std::iota(order.begin(), order.end(), 0u);
   std::sort(order.begin(), order.end(), [&](uint32_t i, uint32_t j) {
@@ -237,7 +237,7 @@ class JunctionFinder {
 
   // Removes the pairs that do not meet in space, and computes the points of the others.
   void CheckPairs(std::vector<LinePair>* pairs, JunctionReport* report) const {
-    const double max_cosine = std::cos(options_.min_angle_deg * std::numbers::pi / 180.0);
+    const double max_cosine = std::cos(DegToRad(options_.min_angle_deg));
     std::vector<const char*> reasons(pairs->size(), nullptr);
     ParallelTasks(num_threads_, pairs->size(), [&](size_t i) {
       LinePair& pair = (*pairs)[i];

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <unordered_map>
@@ -13,6 +12,8 @@
 #include <vector>
 
 #include "holba/base/check.h"
+#include "holba/geometry/angle.h"
+#include "holba/group/known_types.h"
 
 namespace holba {
 namespace {
@@ -282,7 +283,7 @@ Paper PaperOfTopView(const Reconstruction& model, const Eigen::Vector3d& down) {
     Eigen::Vector3d direction;
     group.type->direction(g, &direction, nullptr);
     const Eigen::Vector3d level = direction - down * down.dot(direction);
-    if (level.norm() < std::sin(60.0 * std::numbers::pi / 180.0)) continue;
+    if (level.norm() < std::sin(DegToRad(60.0))) continue;
     most = group.line3D_ids.size();
     right = level.normalized();
   }
@@ -370,7 +371,7 @@ ColourImage DrawGroups(const Reconstruction& model, image_t image_id,
     }
     if (!seen.points.empty()) all_seen.push_back(std::move(seen));
   }
-  const auto is_plane = [](const Group3D& group) { return group.type->name == "PLANE"; };
+  const auto is_plane = [](const Group3D& group) { return IsPlane(*group.type); };
   canvas.Translucent(kRegionOpacity, [&] {
     for (const Seen& seen : all_seen) {
       if (!is_plane(*seen.group)) continue;
@@ -439,7 +440,7 @@ Eigen::Vector3d EstimateDown(const Reconstruction& model) {
   if (mean.norm() < 1e-9) return Eigen::Vector3d::UnitY();
   mean.normalize();
   Eigen::Vector3d down = mean;
-  double best = std::cos(kMaxVerticalAngleDeg * std::numbers::pi / 180.0);
+  double best = std::cos(DegToRad(kMaxVerticalAngleDeg));
   for (const auto& [id, group] : model.groups3D) {
     double g[kMaxGroupParams];
     if (!IsVp(group) || !group.type->from_file(group.params.data(), g)) continue;
@@ -496,7 +497,7 @@ ColourImage DrawTopView(const Reconstruction& model, int size_px) {
   const auto group_colours = AllColours(model);
   canvas.Translucent(0.5, [&] {
     for (const auto& [id, group] : model.groups3D) {
-      if (group.type->name != "PLANE" || group.point3D_ids.empty()) continue;
+      if (!IsPlane(*group.type) || group.point3D_ids.empty()) continue;
       const Eigen::Vector3d normal = Eigen::Vector3d(group.params.data()).normalized();
       if (std::abs(normal.dot(down)) > kMaxVerticalPlaneCosine) continue;  // it has no trace
       const Eigen::Vector2d along =

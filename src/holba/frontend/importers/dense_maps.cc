@@ -4,16 +4,16 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
 #include "holba/base/check.h"
 #include "holba/frontend/matching/label_maps.h"
+#include "holba/geometry/angle.h"
+#include "holba/group/known_types.h"
 
 namespace holba {
 namespace {
 
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 // Median of a Rayleigh distribution of scale 1: tilts in two directions of that spread each.
 constexpr double kRayleighMedian = 1.1774100225154747;
 
@@ -22,7 +22,7 @@ using NormalsByLabel = std::map<uint16_t, std::vector<Eigen::Vector3d>>;
 std::map<uint16_t, float> PlanarLabels(const LabelMap& labels) {
   std::map<uint16_t, float> result;
   for (const auto& [label, type] : labels.types) {
-    if (label != 0 && type == FindGroupType("PLANE")) result[label] = 0.0f;
+    if (label != 0 && IsPlane(*type)) result[label] = 0.0f;
   }
   return result;
 }

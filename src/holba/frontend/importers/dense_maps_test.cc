@@ -5,11 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "holba/base/random.h"
 #include "holba/frontend/importers/import_dense_maps.h"
 #include "holba/frontend/importers/import_testing.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -17,8 +17,6 @@ namespace {
 using namespace std::string_literals;
 using testing::ElementsAre;
 using testing::HasSubstr;
-
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 
 double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * kDegPerRad;

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <tuple>
 
 #include "holba/base/check.h"
+#include "holba/geometry/angle.h"
 
 namespace holba {
 namespace {
@@ -257,8 +257,8 @@ std::vector<LineMatch> MatchSegments(const LineMatchingOptions& options,
                                                 [](const SharedPoint& p) { return p.second; });
   const std::optional<double> rotation = RotationBetween(shared_points);
   const Eigen::Rotation2Df turn(static_cast<float>(rotation.value_or(0.0)));
-  const float min_cosine = static_cast<float>(
-      rotation ? std::cos(options.max_rotation_deg * std::numbers::pi / 180.0) : -2.0);
+  const float min_cosine =
+      static_cast<float>(rotation ? std::cos(DegToRad(options.max_rotation_deg)) : -2.0);
   std::vector<Eigen::Vector2f> directions2(n2);
   for (size_t j = 0; j < n2; ++j) directions2[j] = Direction(segments2.segments[j]);
   // |a - b|^2 = 2 - 2 a.b
