@@ -14,6 +14,7 @@
 #include "holba/base/log.h"
 #include "holba/geometry/rigid3d.h"
 #include "holba/io/model_io.h"
+#include "holba/scene/local_frame.h"
 #include "holba/scene/reconstruction.h"
 
 namespace holba {
@@ -80,34 +81,6 @@ Sim3d ReadSimilarity(const std::string& path) {
   return ToSim3d(s, path);
 }
 
-// COLMAP's normalisation: between the 10th and 90th percentiles of the camera centres along each
-// axis, their mean moves to the origin and the diagonal of their box becomes 10.
-Sim3d Normalisation(const Reconstruction& model, const std::string& path) {
-  constexpr double kExtent = 10.0, kLowest = 0.1, kHighest = 0.9;
-  const size_t n = model.images.size();
-  if (n == 0) throw InputError(path, "has no images, so there is nothing to normalise by");
-  std::array<std::vector<double>, 3> coordinates;
-  for (const auto& [image_id, image] : model.images) {
-    const Eigen::Vector3d centre = model.CameraCentre(image_id);
-    for (int k = 0; k < 3; ++k) coordinates[k].push_back(centre[k]);
-  }
-  const size_t first = n > 3 ? static_cast<size_t>(kLowest * static_cast<double>(n - 1)) : 0;
-  const size_t last = n > 3 ? static_cast<size_t>(kHighest * static_cast<double>(n - 1)) : n - 1;
-  Eigen::Vector3d extent, mean;
-  for (int k = 0; k < 3; ++k) {
-    std::sort(coordinates[k].begin(), coordinates[k].end());
-    extent[k] = coordinates[k][last] - coordinates[k][first];
-    mean[k] = 0;
-    for (size_t i = first; i <= last; ++i) mean[k] += coordinates[k][i];
-    mean[k] /= static_cast<double>(last - first + 1);
-  }
-  Sim3d sim;
-  // Cameras at one place say nothing about the scale.
-  if (extent.norm() > 1e-12) sim.scale = kExtent / extent.norm();
-  sim.translation = -sim.scale * mean;
-  return sim;
-}
-
 // c_from_a = c_from_b * b_from_a
 Sim3d Compose(const Sim3d& c_from_b, const Sim3d& b_from_a) {
   Sim3d c_from_a;
@@ -146,7 +119,13 @@ class TransformJob : public Job {
                              ? ToSim3d(similarity_, "--scale, --rotation, --translation")
                              : ReadSimilarity(transform_path_);
     Reconstruction model = ReadModel(input_path_);
-    if (normalize_) new_from_old = Compose(new_from_old, Normalisation(model, input_path_));
+    if (normalize_) {
+      const auto normalised_from_old = NormalisedFromWorld(model);
+      if (!normalised_from_old) {
+        throw InputError(input_path_, "has no images, so there is nothing to normalise by");
+      }
+      new_from_old = Compose(new_from_old, *normalised_from_old);
+    }
     model.Transform(new_from_old);
     WriteModel(model, output_path_, output_type_);
     if (invocation.json) PrintResult(ToJson(new_from_old));

@@ -10,6 +10,7 @@
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/camera_shift.h"
 #include "holba/bundle/losses.h"
+#include "holba/scene/local_frame.h"
 
 namespace holba {
 namespace {
@@ -288,11 +289,18 @@ BundleSummary AdjustBundle(const BundleOptions& given, const SolverOptions& solv
   const Timer timer;
   BundleOptions options = given;
   options.SetDefaultLosses(false);
-  const BundleSelection selection = BundleSelection::Everything(*model, options);
-  BundleSummary summary =
-      Adjuster(options, solver_options, selection, model, measurements, log, known).Run();
-  if (options.refit_others) RefitOthers(options, solver_options, selection, known, model);
-  UpdateErrors(model);
+  BundleSummary summary;
+  {
+    // Costs of the 3D forms are in the units of the model.
+    const bool has_3d_form =
+        options.group_form == StructureForm::k3d || options.wireframe_form == StructureForm::k3d;
+    const LocalFrame local(
+        model, has_3d_form ? LocalFrame::Unit::kUnchanged : LocalFrame::Unit::kOfTheScene);
+    const BundleSelection selection = BundleSelection::Everything(*model, options);
+    summary = Adjuster(options, solver_options, selection, model, measurements, log, known).Run();
+    if (options.refit_others) RefitOthers(options, solver_options, selection, known, model);
+    UpdateErrors(model);
+  }
   summary.solver.total_seconds = timer.Seconds();
   return summary;
 }
