@@ -6,7 +6,6 @@
 #include <set>
 
 #include "holba/bundle/bundle_testing.h"
-#include "holba/bundle/structure_index.h"
 #include "holba/synthetic/bundle_problem.h"
 #include "holba/synthetic/point_graph.h"
 
@@ -191,9 +190,8 @@ TEST(Around, AllImagesSelectsEverything) {
   // In another order: elements stand in that of the model.
   std::vector<image_t> ids = Images(model, 0, model.images.size());
   std::reverse(ids.begin(), ids.end());
-  const StructureIndex structure(model);
   const BundleSelection around =
-      BundleSelection::Around(model, options, ids, {.hold_cameras = false}, &structure);
+      BundleSelection::Around(model, options, ids, {.hold_cameras = false});
   const auto ids_of = [](const auto& elements) {
     std::vector<std::pair<uint64_t, bool>> list;
     for (const auto& element : elements) list.emplace_back(element.id, element.constant);
