@@ -157,7 +157,7 @@ class Adjuster {
   void GateAssociations() {
     for (int round = 0; round < options_.gate_rounds && !stopped_; ++round) {
       const BundleProblem features = EstimateFeatures(round);
-      TakeAssociations(TestAssociations(model_, features, options_.gate_confidence));
+      TakeAssociations(TestAssociations(model_, selection_, features, options_.gate_confidence));
       if (round + 1 == options_.gate_rounds) break;
       BundleProblem all = Build();
       AnnealAndSolve(Short(), &all.problem);
@@ -263,9 +263,9 @@ void RefitOthers(BundleOptions options, SolverOptions solver_options, BundleSele
                  const NoiseSigmas& known,
                  Reconstruction* model) {
   const bool lines =
-      options.config < BundleConfig::kPointLine && !model->lines3D.empty() && !options.fix_lines;
+      options.config < BundleConfig::kPointLine && !selection.lines.empty() && !options.fix_lines;
   const bool groups =
-      options.config < BundleConfig::kGroups && !model->groups3D.empty() && !options.fix_groups;
+      options.config < BundleConfig::kGroups && !selection.groups.empty() && !options.fix_groups;
   solver_options.on_iteration = nullptr;
   selection.HoldCameras();
   selection.HoldPoints();
@@ -282,17 +282,28 @@ void RefitOthers(BundleOptions options, SolverOptions solver_options, BundleSele
 
 }  // namespace
 
-BundleSummary AdjustBundle(const BundleOptions& given, const SolverOptions& solver_options,
+BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& solver_options,
                            Reconstruction* model, std::span<const GroupMeasurement> measurements,
                            const RoundLog& log, const NoiseSigmas& known) {
   const Timer timer;
+  BundleSummary summary =
+      AdjustBundle(options, solver_options, BundleSelection::Everything(*model, options), model,
+                   measurements, log, known);
+  summary.solver.total_seconds = timer.Seconds();
+  return summary;
+}
+
+BundleSummary AdjustBundle(const BundleOptions& given, const SolverOptions& solver_options,
+                           const BundleSelection& selection, Reconstruction* model,
+                           std::span<const GroupMeasurement> measurements, const RoundLog& log,
+                           const NoiseSigmas& known) {
+  const Timer timer;
   BundleOptions options = given;
   options.SetDefaultLosses(false);
-  const BundleSelection selection = BundleSelection::Everything(*model, options);
   BundleSummary summary =
       Adjuster(options, solver_options, selection, model, measurements, log, known).Run();
   if (options.refit_others) RefitOthers(options, solver_options, selection, known, model);
-  UpdateErrors(model);
+  UpdateErrors(selection, model);
   summary.solver.total_seconds = timer.Seconds();
   return summary;
 }

@@ -186,10 +186,7 @@ class AroundSelector {
   std::vector<const Image*> images_;
 };
 
-}  // namespace
-
-BundleSelection BundleSelection::Everything(const Reconstruction& model,
-                                            const BundleOptions& options) {
+BundleSelection EverythingWithoutGauge(const Reconstruction& model, const BundleOptions& options) {
   BundleSelection all;
   FlatIndex frame_idx(model.frames.size());
   for (const auto& [id, image] : model.images) {
@@ -206,8 +203,41 @@ BundleSelection BundleSelection::Everything(const Reconstruction& model,
     all.groups.push_back({id, options.fix_groups, group.point3D_ids, group.line3D_ids});
   all.wireframe = model.wireframe;
   all.relations = model.relations;
+  return all;
+}
+
+}  // namespace
+
+BundleSelection BundleSelection::Everything(const Reconstruction& model,
+                                            const BundleOptions& options) {
+  BundleSelection all = EverythingWithoutGauge(model, options);
   all.gauge = ChooseGauge(model, options, all);
   return all;
+}
+
+BundleSelection BundleSelection::OfFeatures(const Reconstruction& model,
+                                            const BundleOptions& options,
+                                            const std::function<bool(point3D_t)>& keep_point,
+                                            const std::function<bool(line3D_t)>& keep_line,
+                                            size_t min_members) {
+  BundleSelection part = EverythingWithoutGauge(model, options);
+  std::erase_if(part.points, [&](const auto& point) { return !keep_point(point.id); });
+  std::erase_if(part.lines, [&](const auto& line) { return !keep_line(line.id); });
+  std::erase_if(part.groups, [&](SelectedGroup& group) {
+    std::erase_if(group.point3D_ids, [&](point3D_t id) { return !keep_point(id); });
+    std::erase_if(group.line3D_ids, [&](line3D_t id) { return !keep_line(id); });
+    return group.point3D_ids.size() + group.line3D_ids.size() < min_members;
+  });
+  FlatIndex group_idx(part.groups.size());
+  for (const SelectedGroup& group : part.groups) group_idx.Add(group.id);
+  std::erase_if(part.relations, [&](const Relation& relation) {
+    return !group_idx.contains(relation.group3D_id1) || !group_idx.contains(relation.group3D_id2);
+  });
+  std::erase_if(part.wireframe, [&](const WireframeEdge& edge) {
+    return !keep_point(edge.point3D_id) || !keep_line(edge.line3D_id);
+  });
+  part.gauge = ChooseGauge(model, options, part);
+  return part;
 }
 
 BundleSelection BundleSelection::Around(const Reconstruction& model, const BundleOptions& options,

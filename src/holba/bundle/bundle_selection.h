@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -52,6 +53,13 @@ struct BundleSelection {
 
   // The whole model, with what the options hold. The model must be consistent.
   static BundleSelection Everything(const Reconstruction& model, const BundleOptions& options);
+
+  // All cameras, the points and lines that the functions keep, and of the structure what these are
+  // members or ends of; a group only with so many members at least.
+  static BundleSelection OfFeatures(const Reconstruction& model, const BundleOptions& options,
+                                    const std::function<bool(point3D_t)>& keep_point,
+                                    const std::function<bool(line3D_t)>& keep_line,
+                                    size_t min_members);
 
   // The frames of a list of images with the points and lines that they see, where at least two
   // images of the selection see these (fewer say nothing about the cameras), their groups,
