@@ -158,7 +158,7 @@ class Adjuster {
   void GateAssociations() {
     for (int round = 0; round < options_.gate_rounds && !stopped_; ++round) {
       const BundleProblem features = EstimateFeatures(round);
-      TakeAssociations(TestAssociations(model_, features, options_.gate_confidence));
+      TakeAssociations(TestAssociations(model_, selection_, features, options_.gate_confidence));
       if (round + 1 == options_.gate_rounds) break;
       BundleProblem all = Build();
       AnnealAndSolve(Short(), &all.problem);
@@ -261,12 +261,11 @@ class Adjuster {
 // Estimates what the configuration left out, with everything that took part held: first lines on
 // their own, then groups on the features as they are.
 void RefitOthers(BundleOptions options, SolverOptions solver_options, BundleSelection selection,
-                 const NoiseSigmas& known,
-                 Reconstruction* model) {
+                 const NoiseSigmas& known, Reconstruction* model) {
   const bool lines =
-      options.config < BundleConfig::kPointLine && !model->lines3D.empty() && !options.fix_lines;
+      options.config < BundleConfig::kPointLine && !selection.lines.empty() && !options.fix_lines;
   const bool groups =
-      options.config < BundleConfig::kGroups && !model->groups3D.empty() && !options.fix_groups;
+      options.config < BundleConfig::kGroups && !selection.groups.empty() && !options.fix_groups;
   solver_options.on_iteration = nullptr;
   selection.HoldCameras();
   selection.HoldPoints();
@@ -281,25 +280,52 @@ void RefitOthers(BundleOptions options, SolverOptions solver_options, BundleSele
   }
 }
 
+// Costs of the 3D forms are in the units of the model.
+LocalFrame::Unit UnitFor(const BundleOptions& options) {
+  const bool has_3d_form =
+      options.group_form == StructureForm::k3d || options.wireframe_form == StructureForm::k3d;
+  return has_3d_form ? LocalFrame::Unit::kUnchanged : LocalFrame::Unit::kOfTheScene;
+}
+
+// In the frame that the model is in.
+BundleSummary AdjustInPlace(const BundleOptions& given, const SolverOptions& solver_options,
+                            const BundleSelection& selection, Reconstruction* model,
+                            std::span<const GroupMeasurement> measurements, const RoundLog& log,
+                            const NoiseSigmas& known) {
+  BundleOptions options = given;
+  options.SetDefaultLosses(false);
+  BundleSummary summary =
+      Adjuster(options, solver_options, selection, model, measurements, log, known).Run();
+  if (options.refit_others) RefitOthers(options, solver_options, selection, known, model);
+  UpdateErrors(selection, model);
+  return summary;
+}
+
 }  // namespace
 
-BundleSummary AdjustBundle(const BundleOptions& given, const SolverOptions& solver_options,
+BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& solver_options,
                            Reconstruction* model, std::span<const GroupMeasurement> measurements,
                            const RoundLog& log, const NoiseSigmas& known) {
   const Timer timer;
-  BundleOptions options = given;
-  options.SetDefaultLosses(false);
   BundleSummary summary;
   {
-    // Costs of the 3D forms are in the units of the model.
-    const bool has_3d_form =
-        options.group_form == StructureForm::k3d || options.wireframe_form == StructureForm::k3d;
-    const LocalFrame local(
-        model, has_3d_form ? LocalFrame::Unit::kUnchanged : LocalFrame::Unit::kOfTheScene);
-    const BundleSelection selection = BundleSelection::Everything(*model, options);
-    summary = Adjuster(options, solver_options, selection, model, measurements, log, known).Run();
-    if (options.refit_others) RefitOthers(options, solver_options, selection, known, model);
-    UpdateErrors(model);
+    const LocalFrame local(model, UnitFor(options));
+    const BundleSelection everything = BundleSelection::Everything(*model, options);
+    summary = AdjustInPlace(options, solver_options, everything, model, measurements, log, known);
+  }
+  summary.solver.total_seconds = timer.Seconds();
+  return summary;
+}
+
+BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& solver_options,
+                           const BundleSelection& selection, Reconstruction* model,
+                           std::span<const GroupMeasurement> measurements, const RoundLog& log,
+                           const NoiseSigmas& known) {
+  const Timer timer;
+  BundleSummary summary;
+  {
+    const LocalFrame local(model, UnitFor(options));
+    summary = AdjustInPlace(options, solver_options, selection, model, measurements, log, known);
   }
   summary.solver.total_seconds = timer.Seconds();
   return summary;

@@ -11,6 +11,7 @@
 
 #include "holba/bundle/association_gate.h"
 #include "holba/bundle/bundle_options.h"
+#include "holba/bundle/bundle_selection.h"
 #include "holba/bundle/losses.h"
 #include "holba/scene/reconstruction.h"
 #include "holba/solver/solver.h"
@@ -52,6 +53,11 @@ using RoundLog = std::function<void(const std::string&)>;
 // adjustment of these features, whose terms need no annealing. The model must be consistent.
 BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& solver_options,
                            Reconstruction* model,
+                           std::span<const GroupMeasurement> measurements = {},
+                           const RoundLog& log = {}, const NoiseSigmas& known = {});
+// A part of the model: the rest stays as it is and has no say.
+BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& solver_options,
+                           const BundleSelection& selection, Reconstruction* model,
                            std::span<const GroupMeasurement> measurements = {},
                            const RoundLog& log = {}, const NoiseSigmas& known = {});
 

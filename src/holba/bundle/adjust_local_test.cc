@@ -5,8 +5,8 @@
 
 #include <set>
 
+#include "holba/bundle/adjust_bundle.h"
 #include "holba/bundle/bundle_testing.h"
-#include "holba/bundle/structure_index.h"
 #include "holba/synthetic/bundle_problem.h"
 #include "holba/synthetic/point_graph.h"
 
@@ -191,9 +191,8 @@ TEST(Around, AllImagesSelectsEverything) {
   // In another order: elements stand in that of the model.
   std::vector<image_t> ids = Images(model, 0, model.images.size());
   std::reverse(ids.begin(), ids.end());
-  const StructureIndex structure(model);
   const BundleSelection around =
-      BundleSelection::Around(model, options, ids, {.hold_cameras = false}, &structure);
+      BundleSelection::Around(model, options, ids, {.hold_cameras = false});
   const auto ids_of = [](const auto& elements) {
     std::vector<std::pair<uint64_t, bool>> list;
     for (const auto& element : elements) list.emplace_back(element.id, element.constant);
@@ -238,6 +237,39 @@ TEST(Around, HoldsTheSurroundings) {
   EXPECT_EQ(num_variable, 12u);
   EXPECT_GT(with.frames.size(), 13u);
   EXPECT_EQ(with.gauge.origin_frame, kInvalidId32) << "two held frames fix it";
+}
+
+TEST(OfFeatures, HasTheStructureOfItsFeaturesAndLeavesTheRest) {
+  Reconstruction model = Holistic(false);
+  const BundleOptions options = Options(BundleConfig::kHolistic);
+  const auto keeps = [](uint64_t id) { return id % 3 != 0; };
+  constexpr size_t kMinMembers = 5;
+  const BundleSelection part =
+      BundleSelection::OfFeatures(model, options, keeps, keeps, kMinMembers);
+  EXPECT_EQ(part.frames.size(), model.frames.size());
+  size_t num_points = 0, num_groups = 0, num_edges = 0;
+  for (const auto& [id, point] : model.points3D) num_points += keeps(id);
+  for (const auto& [id, group] : model.groups3D) {
+    num_groups += std::count_if(group.point3D_ids.begin(), group.point3D_ids.end(), keeps) +
+                      std::count_if(group.line3D_ids.begin(), group.line3D_ids.end(), keeps) >=
+                  static_cast<std::ptrdiff_t>(kMinMembers);
+  }
+  for (const WireframeEdge& edge : model.wireframe)
+    num_edges += keeps(edge.point3D_id) && keeps(edge.line3D_id);
+  EXPECT_EQ(part.points.size(), num_points);
+  EXPECT_EQ(part.groups.size(), num_groups);
+  EXPECT_EQ(part.wireframe.size(), num_edges);
+  for (const SelectedGroup& group : part.groups) {
+    EXPECT_TRUE(std::all_of(group.point3D_ids.begin(), group.point3D_ids.end(), keeps));
+    EXPECT_TRUE(std::all_of(group.line3D_ids.begin(), group.line3D_ids.end(), keeps));
+    EXPECT_GE(group.point3D_ids.size() + group.line3D_ids.size(), kMinMembers);
+  }
+  const Reconstruction before = model;
+  AdjustBundle(options, Solver(), part, &model);
+  for (const auto& [id, point] : model.points3D)
+    EXPECT_EQ(point.xyz == before.points3D.at(id).xyz, !keeps(id)) << id;
+  for (const auto& [id, line] : model.lines3D)
+    EXPECT_EQ(line.line.moment == before.lines3D.at(id).line.moment, !keeps(id)) << id;
 }
 
 TEST(UpdateErrors, OfASelectionEqualsThatOfTheModel) {

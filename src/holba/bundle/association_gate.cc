@@ -146,10 +146,10 @@ class Tester {
     }
   }
 
-  AssociationReport Run() {
-    for (const auto& [id, group] : model_.groups3D) TestGroup(id, group);
+  AssociationReport Run(const BundleSelection& selection) {
+    for (const SelectedGroup& group : selection.groups) TestGroup(group);
     AssociationCount& edges = report_.counts["wireframe edges"];
-    for (const WireframeEdge& edge : model_.wireframe) {
+    for (const WireframeEdge& edge : selection.wireframe) {
       ++edges.tested;
       if (EdgeChiSquare(edge) < max_chi_square_[2]) continue;
       ++edges.rejected;
@@ -316,14 +316,16 @@ class Tester {
     if (fit) std::copy_n(fit->g.data(), type.manifold->ambient, g);
   }
 
-  void TestGroup(group3D_t id, const Group3D& group) {
+  void TestGroup(const SelectedGroup& selected) {
+    const group3D_t id = selected.id;
+    const Group3D& group = model_.groups3D.at(id);
     const GroupType& type = *group.type;
     Members members;
-    for (point3D_t point_id : group.point3D_ids) {
+    for (point3D_t point_id : selected.point3D_ids) {
       const auto it = points_.find(point_id);
       if (it != points_.end()) members.points.emplace_back(point_id, &it->second);
     }
-    for (line3D_t line_id : group.line3D_ids) {
+    for (line3D_t line_id : selected.line3D_ids) {
       const auto it = lines_.find(line_id);
       if (it != lines_.end()) members.lines.emplace_back(line_id, &it->second);
     }
@@ -418,9 +420,9 @@ double VarianceOfPassed(double mean_square, double confidence) {
   return high;
 }
 
-AssociationReport TestAssociations(const Reconstruction& model, const BundleProblem& features,
-                                   double confidence) {
-  return Tester(model, features, confidence).Run();
+AssociationReport TestAssociations(const Reconstruction& model, const BundleSelection& selection,
+                                   const BundleProblem& features, double confidence) {
+  return Tester(model, features, confidence).Run(selection);
 }
 
 }  // namespace holba

@@ -17,6 +17,7 @@ namespace holba {
 
 class Reconstruction;
 struct BundleProblem;
+struct BundleSelection;
 
 // Associations that take no part in an adjustment, and how much those of some groups count.
 struct AssociationFilter {
@@ -44,14 +45,14 @@ struct AssociationReport {
   std::map<group3D_t, std::vector<double>> group_params;
 };
 
-// Tests every association of the model. `features` is a problem of points and lines alone
+// Tests every association of the selection. `features` is a problem of points and lines alone
 // (configuration point_line, the current cameras), solved: it holds the features' values, and their
 // covariances follow from its Jacobians with the cameras held and the noise measured from its
 // residuals. Groups are re-estimated by RANSAC on distances in standard deviations (the model's own
 // parameters being one hypothesis). Repeatable.
 // `confidence`: share of the right associations that passes.
-AssociationReport TestAssociations(const Reconstruction& model, const BundleProblem& features,
-                                   double confidence = 0.99);
+AssociationReport TestAssociations(const Reconstruction& model, const BundleSelection& selection,
+                                   const BundleProblem& features, double confidence = 0.99);
 
 // Variance of a normal distribution, in units of the one assumed (at least 1), of which the values
 // that pass a test at `confidence` have this mean square. What lies beyond the test, right or

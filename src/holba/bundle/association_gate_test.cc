@@ -59,7 +59,8 @@ Verdicts TestOn(const BundleProblemOptions& scene_options) {
   AdjustBundle(options, SolverOptions(), &scene.perturbed);
   options.fix_poses = true;
   const BundleProblem features = BuildProblem(scene.perturbed, options);
-  const AssociationReport report = TestAssociations(scene.perturbed, features);
+  const AssociationReport report = TestAssociations(
+      scene.perturbed, BundleSelection::Everything(scene.perturbed, options), features);
 
   Verdicts verdicts;
   for (const auto& [id, group] : scene.perturbed.groups3D) {
@@ -171,7 +172,8 @@ TEST(AssociationGate, RejectsWrongLinesOfVanishingPoints) {
   BundleOptions options = PointLineOptions();
   AdjustBundle(options, SolverOptions(), &scene.perturbed);
   const AssociationReport report =
-      TestAssociations(scene.perturbed, BuildProblem(scene.perturbed, options));
+      TestAssociations(scene.perturbed, BundleSelection::Everything(scene.perturbed, options),
+                       BuildProblem(scene.perturbed, options));
   size_t wrong_passed = 0, right_passed = 0;
   for (size_t i = 0; i < group.line3D_ids.size(); ++i) {
     const bool passed = !report.filter.lines.contains({id, group.line3D_ids[i]});
@@ -195,7 +197,8 @@ TEST(AssociationGate, DropsAGroupWhoseMembersHaveNothingInCommon) {
   BundleOptions options = PointLineOptions();
   AdjustBundle(options, SolverOptions(), &scene.perturbed);
   const AssociationReport report =
-      TestAssociations(scene.perturbed, BuildProblem(scene.perturbed, options));
+      TestAssociations(scene.perturbed, BundleSelection::Everything(scene.perturbed, options),
+                       BuildProblem(scene.perturbed, options));
   EXPECT_TRUE(report.filter.groups.contains(id));
   EXPECT_GE(report.groups_dropped, 1u);
 }
@@ -248,7 +251,8 @@ int HalvingsOfAPlane(double roughness) {
   options.refine_focal_length = false;
   BundleProblem features = BuildProblem(maker.model, options);
   Solve(TightSolver(), &features.problem);
-  const AssociationReport report = TestAssociations(maker.model, features);
+  const AssociationReport report =
+      TestAssociations(maker.model, BundleSelection::Everything(maker.model, options), features);
   EXPECT_FALSE(report.filter.groups.contains(plane));
   const auto it = report.filter.halvings.find(plane);
   return it == report.filter.halvings.end() ? 0 : it->second;

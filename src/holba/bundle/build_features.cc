@@ -20,9 +20,8 @@ void ProblemBuilder::AddPoints() {
     point_idx_ = FlatIndex(num_points);
     points_.reserve(num_points);
   }
-  RecordWalk records(model_.points3D);
   for (const auto& selected : selection_.points) {
-    const Point3D& point = records.At(selected.id);
+    const Point3D& point = model_.points3D.at(selected.id);
     const bool of_structure = IsOfStructure(point.origin);
     out_.num_points_of_structure += of_structure;
     const BlockId block = problem_.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature,
@@ -51,8 +50,8 @@ void ProblemBuilder::AddPoints() {
 // At most.
 size_t ProblemBuilder::NumPointObservations() const {
   size_t count = 0;
-  RecordWalk records(model_.points3D);
-  for (const auto& selected : selection_.points) count += records.At(selected.id).track.size();
+  for (const auto& selected : selection_.points)
+    count += model_.points3D.at(selected.id).track.size();
   return count;
 }
 
@@ -77,10 +76,9 @@ void ProblemBuilder::AddLines() {
   }
   line_idx_ = FlatIndex(selection_.lines.size());
   lines_.reserve(selection_.lines.size());
-  RecordWalk records(model_.lines3D);
   BatchOfImages<LineResidual> batches;
   for (const auto& selected : selection_.lines) {
-    const Line3D& line = records.At(selected.id);
+    const Line3D& line = model_.lines3D.at(selected.id);
     // The anchor in the middle of the seen part keeps direction and position uncorrelated.
     const Eigen::Vector3d anchor = line.line.ClosestPoint(0.5 * (line.start + line.end));
     double values[6];

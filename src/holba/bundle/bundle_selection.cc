@@ -2,13 +2,11 @@
 #include "holba/bundle/bundle_selection.h"
 
 #include <algorithm>
-#include <optional>
-#include <tuple>
+#include <iterator>
 #include <utility>
 
 #include "holba/bundle/bundle_options.h"
 #include "holba/bundle/flat_index.h"
-#include "holba/bundle/structure_index.h"
 
 namespace holba {
 namespace {
@@ -32,22 +30,22 @@ bool HoldsCameras(const BundleOptions& options) {
 class AroundSelector {
  public:
   AroundSelector(const Reconstruction& model, const BundleOptions& options,
-                 const AroundOptions& around, const StructureIndex& structure)
-      : model_(model), options_(options), around_(around), structure_(structure) {}
+                 const AroundOptions& around)
+      : model_(model), options_(options), around_(around) {}
 
   BundleSelection Select(std::span<const image_t> image_ids) {
     for (const image_t id : image_ids) AddFrame(model_.images.at(id).frame_id, options_.fix_poses);
     const std::vector<const Image*> centre = images_;
-    const auto seen_points = SeenBy(centre, &Image::points2D, &Point2D::point3D_id);
-    std::vector<line3D_t> seen_lines;
+    auto points = SeenBy(centre, &Image::points2D, &Point2D::point3D_id, model_.points3D);
+    decltype(SeenBy(centre, &Image::lines2D, &Line2D::line3D_id, model_.lines3D)) lines;
     if (options_.config >= BundleConfig::kPointLine)
-      seen_lines = SeenBy(centre, &Image::lines2D, &Line2D::line3D_id);
+      lines = SeenBy(centre, &Image::lines2D, &Line2D::line3D_id, model_.lines3D);
     if (around_.surroundings) {
-      AddSurroundings(model_.points3D, seen_points);
-      AddSurroundings(model_.lines3D, seen_lines);
+      AddSurroundings(points);
+      AddSurroundings(lines);
     }
-    AddFeatures(model_.points3D, seen_points, options_.fix_points, &result_.points);
-    AddFeatures(model_.lines3D, seen_lines, options_.fix_lines, &result_.lines);
+    AddFeatures(&points, options_.fix_points, &result_.points);
+    AddFeatures(&lines, options_.fix_lines, &result_.lines);
     if (options_.config >= BundleConfig::kGroups) AddGroups();
     if (options_.config >= BundleConfig::kHolistic) AddWireframe();
     result_.gauge = ChooseGauge(model_, options_, result_);
@@ -68,26 +66,43 @@ class AroundSelector {
     });
   }
 
-  // Ids of the 3D features that some images see, each once.
-  template <typename Feature2D>
-  std::vector<uint64_t> SeenBy(const std::vector<const Image*>& images,
-                               std::vector<Feature2D> Image::* features,
-                               uint64_t Feature2D::* feature_id) const {
-    std::vector<uint64_t> ids;
-    FlatIndex seen;
+  // A 3D feature that some images see.
+  template <typename Record>
+  struct Seen {
+    uint32_t position;  // in the order of the model
+    uint64_t id;
+    const Record* record;
+  };
+
+  // Each once.
+  template <typename Feature2D, typename Record>
+  std::vector<Seen<Record>> SeenBy(const std::vector<const Image*>& images,
+                                   std::vector<Feature2D> Image::*features,
+                                   uint64_t Feature2D::*feature_id,
+                                   const IdMap<uint64_t, Record>& records) const {
+    std::vector<Seen<Record>> seen;
+    FlatIndex known;
     for (const Image* image : images) {
       for (const Feature2D& feature : image->*features) {
         const uint64_t id = feature.*feature_id;
-        if (id != kNoId && seen.Add(id).second) ids.push_back(id);
+        if (id != kNoId && known.Add(id).second) seen.push_back({0, id, nullptr});
       }
     }
-    return ids;
+    // Records are far from each other in a large model. Here none waits for the one before, so that
+    // the memory is read for many at a time; their tracks are on the way when they are looked at.
+    for (Seen<Record>& feature : seen) {
+      const Record& record = records.at(feature.id);
+      feature.record = &record;
+      feature.position = static_cast<uint32_t>(records.IndexOf(feature.id));
+      __builtin_prefetch(record.track.data());
+    }
+    return seen;
   }
 
-  template <typename Map>
-  void AddSurroundings(const Map& features, const std::vector<uint64_t>& ids) {
-    for (const uint64_t id : ids) {
-      for (const auto& observation : features.at(id).track) {
+  template <typename Record>
+  void AddSurroundings(const std::vector<Seen<Record>>& seen) {
+    for (const Seen<Record>& feature : seen) {
+      for (const auto& observation : feature.record->track) {
         if (!image_idx_.contains(observation.image_id))
           AddFrame(model_.images.at(observation.image_id).frame_id, true);
       }
@@ -95,20 +110,15 @@ class AroundSelector {
   }
 
   // Those that two images of the selection see.
-  template <typename Map, typename Id>
-  void AddFeatures(const Map& features, const std::vector<uint64_t>& ids, bool constant,
+  template <typename Record, typename Id>
+  void AddFeatures(std::vector<Seen<Record>>* seen, bool constant,
                    std::vector<Selected<Id>>* selected) const {
-    std::vector<size_t> positions;
-    positions.reserve(ids.size());
-    for (const uint64_t id : ids) {
-      const size_t position = features.IndexOf(id);
-      if (SeenInTwoImages((features.begin() + position)->second.track))
-        positions.push_back(position);
-    }
-    std::sort(positions.begin(), positions.end());
-    selected->reserve(positions.size());
-    for (const size_t position : positions)
-      selected->push_back({(features.begin() + position)->first, constant});
+    std::erase_if(*seen,
+                  [&](const auto& feature) { return !SeenInTwoImages(feature.record->track); });
+    std::sort(seen->begin(), seen->end(),
+              [](const auto& a, const auto& b) { return a.position < b.position; });
+    selected->reserve(seen->size());
+    for (const auto& feature : *seen) selected->push_back({feature.id, constant});
   }
 
   template <typename Track>
@@ -123,42 +133,36 @@ class AroundSelector {
   }
 
   void AddGroups() {
-    // Position of the group, kind of the member, its position, its id.
-    std::vector<std::tuple<uint32_t, int, uint32_t, uint64_t>> members;
-    for (const auto& point : result_.points) {
-      structure_.ForEachGroupOfPoint(point.id, [&](const StructureIndex::Membership& m) {
-        members.emplace_back(m.group_position, 0, m.member_position, point.id);
-      });
-    }
-    for (const auto& line : result_.lines) {
-      structure_.ForEachGroupOfLine(line.id, [&](const StructureIndex::Membership& m) {
-        members.emplace_back(m.group_position, 1, m.member_position, line.id);
-      });
-    }
-    std::sort(members.begin(), members.end());
-    std::vector<size_t> relations;
-    FlatIndex group_idx;
-    for (size_t begin = 0, end = 0; begin < members.size(); begin = end) {
-      const auto& [id, group] = *(model_.groups3D.begin() + std::get<0>(members[begin]));
+    FlatIndex point_idx(result_.points.size()), line_idx(result_.lines.size()), group_idx;
+    std::vector<std::pair<size_t, group3D_t>> groups;
+    const auto add = [&](uint64_t feature, std::span<const group3D_t> of_feature, FlatIndex* idx) {
+      idx->Add(feature);
+      for (const group3D_t id : of_feature) {
+        if (group_idx.Add(id).second) groups.emplace_back(model_.groups3D.IndexOf(id), id);
+      }
+    };
+    for (const auto& point : result_.points)
+      add(point.id, model_.GroupsOfPoint(point.id), &point_idx);
+    for (const auto& line : result_.lines) add(line.id, model_.GroupsOfLine(line.id), &line_idx);
+    std::sort(groups.begin(), groups.end());
+    for (const auto& [position, id] : groups) {
+      const Group3D& group = model_.groups3D.at(id);
       SelectedGroup& selected = result_.groups.emplace_back();
       selected.id = id;
-      for (; end < members.size() && std::get<0>(members[end]) == std::get<0>(members[begin]);
-           ++end) {
-        auto& ids =
-            std::get<1>(members[end]) == 0 ? selected.point3D_ids : selected.line3D_ids;
-        ids.push_back(std::get<3>(members[end]));
-      }
-      selected.constant = options_.fix_groups ||
-                          end - begin < group.point3D_ids.size() + group.line3D_ids.size();
-      group_idx.Add(id);
-      structure_.ForEachRelationFrom(id,
-                                     [&](size_t position) { relations.push_back(position); });
+      std::copy_if(group.point3D_ids.begin(), group.point3D_ids.end(),
+                   std::back_inserter(selected.point3D_ids),
+                   [&](point3D_t member) { return point_idx.contains(member); });
+      std::copy_if(group.line3D_ids.begin(), group.line3D_ids.end(),
+                   std::back_inserter(selected.line3D_ids),
+                   [&](line3D_t member) { return line_idx.contains(member); });
+      selected.constant = options_.fix_groups || selected.point3D_ids != group.point3D_ids ||
+                          selected.line3D_ids != group.line3D_ids;
     }
-    std::sort(relations.begin(), relations.end());
-    for (const size_t position : relations) {
-      const Relation& relation = model_.relations[position];
-      if (group_idx.contains(relation.group3D_id2)) result_.relations.push_back(relation);
-    }
+    std::copy_if(model_.relations.begin(), model_.relations.end(),
+                 std::back_inserter(result_.relations), [&](const Relation& relation) {
+                   return group_idx.contains(relation.group3D_id1) &&
+                          group_idx.contains(relation.group3D_id2);
+                 });
   }
 
   void AddWireframe() {
@@ -166,9 +170,9 @@ class AroundSelector {
     for (const auto& line : result_.lines) line_idx.Add(line.id);
     std::vector<size_t> edges;
     for (const auto& point : result_.points) {
-      structure_.ForEachEdgeOfPoint(point.id, [&](size_t position) {
-        if (line_idx.contains(model_.wireframe[position].line3D_id)) edges.push_back(position);
-      });
+      for (const line3D_t line : model_.LinesThrough(point.id)) {
+        if (line_idx.contains(line)) edges.push_back(*model_.PositionOfEdge(point.id, line));
+      }
     }
     std::sort(edges.begin(), edges.end());
     for (const size_t position : edges) result_.wireframe.push_back(model_.wireframe[position]);
@@ -177,16 +181,12 @@ class AroundSelector {
   const Reconstruction& model_;
   const BundleOptions& options_;
   const AroundOptions& around_;
-  const StructureIndex& structure_;
   BundleSelection result_;
   FlatIndex frame_idx_, image_idx_, camera_idx_;
   std::vector<const Image*> images_;
 };
 
-}  // namespace
-
-BundleSelection BundleSelection::Everything(const Reconstruction& model,
-                                            const BundleOptions& options) {
+BundleSelection EverythingWithoutGauge(const Reconstruction& model, const BundleOptions& options) {
   BundleSelection all;
   FlatIndex frame_idx(model.frames.size());
   for (const auto& [id, image] : model.images) {
@@ -203,17 +203,47 @@ BundleSelection BundleSelection::Everything(const Reconstruction& model,
     all.groups.push_back({id, options.fix_groups, group.point3D_ids, group.line3D_ids});
   all.wireframe = model.wireframe;
   all.relations = model.relations;
+  return all;
+}
+
+}  // namespace
+
+BundleSelection BundleSelection::Everything(const Reconstruction& model,
+                                            const BundleOptions& options) {
+  BundleSelection all = EverythingWithoutGauge(model, options);
   all.gauge = ChooseGauge(model, options, all);
   return all;
 }
 
+BundleSelection BundleSelection::OfFeatures(const Reconstruction& model,
+                                            const BundleOptions& options,
+                                            const std::function<bool(point3D_t)>& keep_point,
+                                            const std::function<bool(line3D_t)>& keep_line,
+                                            size_t min_members) {
+  BundleSelection part = EverythingWithoutGauge(model, options);
+  std::erase_if(part.points, [&](const auto& point) { return !keep_point(point.id); });
+  std::erase_if(part.lines, [&](const auto& line) { return !keep_line(line.id); });
+  std::erase_if(part.groups, [&](SelectedGroup& group) {
+    std::erase_if(group.point3D_ids, [&](point3D_t id) { return !keep_point(id); });
+    std::erase_if(group.line3D_ids, [&](line3D_t id) { return !keep_line(id); });
+    return group.point3D_ids.size() + group.line3D_ids.size() < min_members;
+  });
+  FlatIndex group_idx(part.groups.size());
+  for (const SelectedGroup& group : part.groups) group_idx.Add(group.id);
+  std::erase_if(part.relations, [&](const Relation& relation) {
+    return !group_idx.contains(relation.group3D_id1) || !group_idx.contains(relation.group3D_id2);
+  });
+  std::erase_if(part.wireframe, [&](const WireframeEdge& edge) {
+    return !keep_point(edge.point3D_id) || !keep_line(edge.line3D_id);
+  });
+  part.gauge = ChooseGauge(model, options, part);
+  return part;
+}
+
 BundleSelection BundleSelection::Around(const Reconstruction& model, const BundleOptions& options,
                                         std::span<const image_t> image_ids,
-                                        const AroundOptions& around,
-                                        const StructureIndex* structure) {
-  std::optional<StructureIndex> made;
-  if (structure == nullptr) structure = &made.emplace(model);
-  return AroundSelector(model, options, around, *structure).Select(image_ids);
+                                        const AroundOptions& around) {
+  return AroundSelector(model, options, around).Select(image_ids);
 }
 
 void BundleSelection::HoldCameras() {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -14,7 +15,6 @@
 namespace holba {
 
 struct BundleOptions;
-class StructureIndex;
 
 template <typename Id>
 struct Selected {
@@ -54,14 +54,21 @@ struct BundleSelection {
   // The whole model, with what the options hold. The model must be consistent.
   static BundleSelection Everything(const Reconstruction& model, const BundleOptions& options);
 
+  // All cameras, the points and lines that the functions keep, and of the structure what these are
+  // members or ends of; a group only with so many members at least.
+  static BundleSelection OfFeatures(const Reconstruction& model, const BundleOptions& options,
+                                    const std::function<bool(point3D_t)>& keep_point,
+                                    const std::function<bool(line3D_t)>& keep_line,
+                                    size_t min_members);
+
   // The frames of a list of images with the points and lines that they see, where at least two
   // images of the selection see these (fewer say nothing about the cameras), their groups,
   // incidences and relations. A group is variable only if all of its members are selected. Costs
-  // what the part costs; without an index of the structure (null), one is made in a pass over the
-  // groups, incidences and relations of the model. Elements stand in the order of the model.
+  // what the part costs, with all members of its groups and one look at each relation of the model;
+  // the first time, the model makes its index of associations. Elements stand in the order of the
+  // model.
   static BundleSelection Around(const Reconstruction& model, const BundleOptions& options,
-                                std::span<const image_t> image_ids, const AroundOptions& around,
-                                const StructureIndex* structure = nullptr);
+                                std::span<const image_t> image_ids, const AroundOptions& around);
 
   // Poses and intrinsics stay as they are; nothing else has to fix the gauge.
   void HoldCameras();

@@ -22,22 +22,6 @@
 
 namespace holba {
 
-// Records by id. One that follows the last one in the model costs no look-up.
-template <typename Id, typename T>
-class RecordWalk {
- public:
-  explicit RecordWalk(const IdMap<Id, T>& records) : records_(records) {}
-  const T& At(Id id) {
-    if (next_ >= records_.size() || (records_.begin() + next_)->first != id)
-      next_ = records_.IndexOf(id);
-    return (records_.begin() + next_++)->second;
-  }
-
- private:
-  const IdMap<Id, T>& records_;
-  size_t next_ = 0;
-};
-
 class ProblemBuilder {
  public:
   ProblemBuilder(const Reconstruction& model, const BundleOptions& options,

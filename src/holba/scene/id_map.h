@@ -17,16 +17,27 @@
 #include <vector>
 
 #include "holba/base/check.h"
+#include "holba/scene/id_table.h"
 
 namespace holba {
 
 template <typename Id, typename T>
 class IdMap {
-  static_assert(std::is_unsigned_v<Id>);
-
  public:
   using Entry = std::pair<Id, T>;
 
+ private:
+  // A record with its position in the order; records do not move.
+  struct Slot {
+    Slot() {}
+    ~Slot() {}
+    union {
+      Entry entry;
+    };
+    uint32_t position;
+  };
+
+ public:
   // Goes over the records in their order; random access.
   template <typename E>
   class Iterator {
@@ -38,12 +49,12 @@ class IdMap {
     using reference = E&;
 
     Iterator() = default;
-    explicit Iterator(Entry* const* at) : at_(at) {}
+    explicit Iterator(Slot* const* at) : at_(at) {}
     operator Iterator<const E>() const { return Iterator<const E>(at_); }  // NOLINT: as for pointers
 
-    E& operator*() const { return **at_; }
-    E* operator->() const { return *at_; }
-    E& operator[](difference_type n) const { return *at_[n]; }
+    E& operator*() const { return (*at_)->entry; }
+    E* operator->() const { return &(*at_)->entry; }
+    E& operator[](difference_type n) const { return at_[n]->entry; }
     Iterator& operator++() { return ++at_, *this; }
     Iterator operator++(int) { return Iterator(at_++); }
     Iterator& operator--() { return --at_, *this; }
@@ -57,7 +68,7 @@ class IdMap {
     friend auto operator<=>(const Iterator&, const Iterator&) = default;
 
    private:
-    Entry* const* at_ = nullptr;
+    Slot* const* at_ = nullptr;
   };
   using iterator = Iterator<Entry>;
   using const_iterator = Iterator<const Entry>;
@@ -80,7 +91,7 @@ class IdMap {
 
   size_t size() const { return order_.size(); }
   bool empty() const { return order_.empty(); }
-  bool contains(Id id) const { return Find(id) != nullptr; }
+  bool contains(Id id) const { return slots_.Find(id) != nullptr; }
   iterator begin() { return iterator(order_.data()); }
   iterator end() { return iterator(order_.data() + order_.size()); }
   const_iterator begin() const { return const_iterator(order_.data()); }
@@ -88,12 +99,12 @@ class IdMap {
 
   // Null: no such id.
   T* Find(Id id) {
-    const Cell* cell = FindCell(id);
-    return cell != nullptr ? &cell->entry->second : nullptr;
+    Slot* slot = slots_.Find(id);
+    return slot != nullptr ? &slot->entry.second : nullptr;
   }
   const T* Find(Id id) const {
-    const Cell* cell = FindCell(id);
-    return cell != nullptr ? &cell->entry->second : nullptr;
+    Slot* slot = slots_.Find(id);
+    return slot != nullptr ? &slot->entry.second : nullptr;
   }
   T& at(Id id) {
     T* value = Find(id);
@@ -107,9 +118,9 @@ class IdMap {
   }
   // Position of an id in iteration order; the id must be there.
   size_t IndexOf(Id id) const {
-    const Cell* cell = FindCell(id);
-    HOLBA_CHECK_MSG(cell != nullptr, "no id " + std::to_string(id));
-    return cell->position;
+    const Slot* slot = slots_.Find(id);
+    HOLBA_CHECK_MSG(slot != nullptr, "no id " + std::to_string(id));
+    return slot->position;
   }
 
   // One more than the greatest id that the map has ever held, 1 for the first: no id is given twice
@@ -122,28 +133,22 @@ class IdMap {
   // Goes to the end of the order. False: the id is there already, nothing was added.
   bool Add(Id id, T value) {
     if (contains(id)) return false;
-    HOLBA_CHECK(order_.size() < kNoPosition);
-    if (2 * (order_.size() + 1) > cells_.size()) Rehash(std::max<size_t>(16, 2 * cells_.size()));
+    HOLBA_CHECK(order_.size() < std::numeric_limits<uint32_t>::max());
     Slot* slot = TakeSlot();
-    Entry* entry = new (&slot->entry) Entry(id, std::move(value));
-    order_.push_back(entry);
-    Insert({id, static_cast<uint32_t>(order_.size() - 1), entry});
+    new (&slot->entry) Entry(id, std::move(value));
+    Append(slot);
     if (id >= next_id_ && id < std::numeric_limits<Id>::max()) next_id_ = id + 1;
     return true;
   }
   // The last record of the order takes the place of the one removed. False: no such id.
   bool Remove(Id id) {
-    Cell* cell = const_cast<Cell*>(FindCell(id));
-    if (cell == nullptr) return false;
-    const uint32_t position = cell->position;
-    Entry* removed = cell->entry;
-    Erase(cell);
-    Entry* last = order_.back();
+    Slot* removed = slots_.Find(id);
+    if (removed == nullptr) return false;
+    Slot* last = order_.back();
+    order_[removed->position] = last;
+    last->position = removed->position;
     order_.pop_back();
-    if (last != removed) {
-      order_[position] = last;
-      const_cast<Cell*>(FindCell(last->first))->position = position;
-    }
+    slots_.Remove(id);
     Free(removed);
     return true;
   }
@@ -151,79 +156,31 @@ class IdMap {
   template <typename Predicate>
   size_t RemoveIf(Predicate predicate) {
     const size_t before = order_.size();
-    std::erase_if(order_, [&](Entry* e) {
-      if (!predicate(e->first, std::as_const(e->second))) return false;
-      Free(e);
+    std::erase_if(order_, [&](Slot* slot) {
+      if (!predicate(slot->entry.first, std::as_const(slot->entry.second))) return false;
+      slots_.Remove(slot->entry.first);
+      Free(slot);
       return true;
     });
-    if (order_.size() != before) Rehash(cells_.size());
+    if (order_.size() == before) return 0;
+    for (size_t i = 0; i < order_.size(); ++i) order_[i]->position = static_cast<uint32_t>(i);
     return before - order_.size();
   }
   // `count` may come from a file: memory is only set aside up to a bound.
   void Reserve(size_t count) {
     count = std::min<size_t>(count, size_t{1} << 20);
     order_.reserve(count);
+    slots_.Reserve(count);
     if (count > slots_in_chunks_) AddChunk(count - slots_in_chunks_);
-    size_t cells = std::max<size_t>(16, cells_.size());
-    while (cells < 2 * count) cells *= 2;
-    if (cells > cells_.size()) Rehash(cells);
   }
 
  private:
-  static constexpr uint32_t kNoPosition = std::numeric_limits<uint32_t>::max();
   static constexpr size_t kMaxChunk = 4096;
 
-  // Memory of one record; records do not move.
-  union Slot {
-    Slot() {}
-    ~Slot() {}
-    Entry entry;
-  };
-  // Open addressing with linear probing; as many cells as a power of two, half of them empty at least.
-  struct Cell {
-    Id id = 0;
-    uint32_t position = kNoPosition;  // kNoPosition: the cell is empty
-    Entry* entry = nullptr;
-  };
-
-  size_t Home(Id id) const {
-    return static_cast<size_t>((static_cast<uint64_t>(id) * 0x9e3779b97f4a7c15ULL) >> shift_);
-  }
-  const Cell* FindCell(Id id) const {
-    if (cells_.empty()) return nullptr;
-    const size_t mask = cells_.size() - 1;
-    for (size_t i = Home(id);; i = (i + 1) & mask) {
-      const Cell& cell = cells_[i];
-      if (cell.position == kNoPosition) return nullptr;
-      if (cell.id == id) return &cell;
-    }
-  }
-  void Insert(const Cell& added) {
-    const size_t mask = cells_.size() - 1;
-    size_t i = Home(added.id);
-    while (cells_[i].position != kNoPosition) i = (i + 1) & mask;
-    cells_[i] = added;
-  }
-  // Cells behind the erased one move up, so that every probe still meets its cell before an empty one.
-  void Erase(Cell* erased) {
-    const size_t mask = cells_.size() - 1;
-    size_t hole = static_cast<size_t>(erased - cells_.data());
-    for (size_t i = (hole + 1) & mask; cells_[i].position != kNoPosition; i = (i + 1) & mask) {
-      if (((i - Home(cells_[i].id)) & mask) < ((i - hole) & mask)) continue;
-      cells_[hole] = cells_[i];
-      hole = i;
-    }
-    cells_[hole] = Cell{};
-  }
-  void Rehash(size_t num_cells) {
-    cells_.assign(num_cells, Cell{});
-    shift_ = 64;
-    while (num_cells > 1) {
-      num_cells /= 2;
-      --shift_;
-    }
-    for (size_t i = 0; i < order_.size(); ++i)
-      Insert({order_[i]->first, static_cast<uint32_t>(i), order_[i]});
+  void Append(Slot* slot) {
+    slot->position = static_cast<uint32_t>(order_.size());
+    order_.push_back(slot);
+    slots_.Add(slot->entry.first, slot);
   }
 
   void AddChunk(size_t size) {
@@ -242,34 +199,36 @@ class IdMap {
     free_.pop_back();
     return slot;
   }
-  void Free(Entry* entry) {
-    entry->~Entry();
-    free_.push_back(reinterpret_cast<Slot*>(entry));
+  void Free(Slot* slot) {
+    slot->entry.~Entry();
+    free_.push_back(slot);
   }
   void DestroyAll() {
-    for (Entry* entry : order_) entry->~Entry();
+    for (Slot* slot : order_) slot->entry.~Entry();
   }
   void CopyFrom(const IdMap& other) {
     next_id_ = other.next_id_;
     if (other.empty()) return;
     order_.reserve(other.size());
+    slots_.Reserve(other.size());
     AddChunk(other.size());
-    for (const Entry& entry : other) order_.push_back(new (&TakeSlot()->entry) Entry(entry));
-    Rehash(other.cells_.size());
+    for (const Entry& entry : other) {
+      Slot* slot = TakeSlot();
+      new (&slot->entry) Entry(entry);
+      Append(slot);
+    }
   }
   void Swap(IdMap* other) noexcept {
     std::swap(order_, other->order_);
-    std::swap(cells_, other->cells_);
-    std::swap(shift_, other->shift_);
+    std::swap(slots_, other->slots_);
     std::swap(chunks_, other->chunks_);
     std::swap(slots_in_chunks_, other->slots_in_chunks_);
     std::swap(free_, other->free_);
     std::swap(next_id_, other->next_id_);
   }
 
-  std::vector<Entry*> order_;
-  std::vector<Cell> cells_;
-  int shift_ = 64;
+  std::vector<Slot*> order_;
+  IdTable<Id, Slot> slots_;
   std::vector<std::unique_ptr<Slot[]>> chunks_;
   size_t slots_in_chunks_ = 0;
   std::vector<Slot*> free_;

@@ -256,6 +256,8 @@ class Reconstruction {
   std::span<const group3D_t> GroupsOfLine(line3D_t line3D_id) const;
   std::span<const line3D_t> LinesThrough(point3D_t point3D_id) const;
   std::span<const point3D_t> PointsOn(line3D_t line3D_id) const;
+  // In `wireframe`. Empty: they are not joined.
+  std::optional<size_t> PositionOfEdge(point3D_t point3D_id, line3D_t line3D_id) const;
 
   // --- 2D features of images, registered or not.
   point2D_t AddPoint2D(image_t image_id, const Eigen::Vector2d& xy);

@@ -47,6 +47,10 @@ std::span<const line3D_t> Reconstruction::LinesThrough(point3D_t point3D_id) con
 std::span<const point3D_t> Reconstruction::PointsOn(line3D_t line3D_id) const {
   return Associations().PointsOn(line3D_id);
 }
+std::optional<size_t> Reconstruction::PositionOfEdge(point3D_t point3D_id,
+                                                     line3D_t line3D_id) const {
+  return Associations().PositionOfEdge(point3D_id, line3D_id);
+}
 
 void Reconstruction::DeletePoints3D(const std::function<bool(point3D_t, const Point3D&)>& remove) {
   if (points3D.RemoveIf(remove) == 0) return;

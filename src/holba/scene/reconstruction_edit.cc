@@ -160,7 +160,7 @@ void Reconstruction::MergePoints3D(point3D_t id, point3D_t other) {
   gone.track.clear();
   for (const group3D_t group : Copy(GroupsOfPoint(other))) AddPointMember(group, id);
   for (const line3D_t line : Copy(LinesThrough(other)))
-    AddEdge({id, line, wireframe[*Associations().PositionOfEdge(other, line)].num_images});
+    AddEdge({id, line, wireframe[*PositionOfEdge(other, line)].num_images});
   DeletePoint3D(other);
 }
 
@@ -182,7 +182,7 @@ void Reconstruction::MergeLines3D(line3D_t id, line3D_t other) {
   gone.track.clear();
   for (const group3D_t group : Copy(GroupsOfLine(other))) AddLineMember(group, id);
   for (const point3D_t point : Copy(PointsOn(other)))
-    AddEdge({point, id, wireframe[*Associations().PositionOfEdge(point, other)].num_images});
+    AddEdge({point, id, wireframe[*PositionOfEdge(point, other)].num_images});
   DeleteLine3D(other);
 }
 

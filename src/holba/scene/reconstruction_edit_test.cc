@@ -412,8 +412,41 @@ TEST(IdMapEdits, KeepReferencesOrderAndIds) {
   const uint64_t next = map.NextId();
   EXPECT_EQ(map.RemoveIf([](uint64_t id, const std::string&) { return id % 2 == 0; }) + map.size(), expected.size());
   for (const auto& [id, text] : map) EXPECT_EQ(id % 2, 1u);
+  for (size_t i = 0; i < map.size(); ++i)
+    EXPECT_EQ(map.IndexOf(map.begin()[static_cast<std::ptrdiff_t>(i)].first), i);
   EXPECT_EQ(map.NextId(), next);
   EXPECT_EQ(copy.size(), expected.size());
+  for (size_t i = 0; i < expected.size(); ++i) {
+    const uint64_t id = expected[i].first;
+    EXPECT_EQ(map.contains(id), id % 2 == 1);
+    EXPECT_EQ(copy.at(id), std::to_string(id));
+    EXPECT_EQ(copy.IndexOf(id), i);
+  }
+}
+
+// Ids come in any order and with gaps: those that were too great for a table when they came are
+// found once it reaches them.
+TEST(IdMapEdits, FindSmallAndGreatIds) {
+  for (const uint64_t stride : {1u, 3u, 7u, 1u << 20}) {
+    for (const bool downwards : {false, true}) {
+      IdMap<uint64_t, uint64_t> map;
+      constexpr uint64_t kCount = 3000;
+      for (uint64_t k = 0; k < kCount; ++k) {
+        const uint64_t id = stride * (downwards ? kCount - k : k);
+        EXPECT_FALSE(map.contains(id));
+        EXPECT_TRUE(map.Add(id, k));
+        EXPECT_FALSE(map.Add(id, k));
+      }
+      for (uint64_t k = 0; k < kCount; ++k) {
+        const uint64_t id = stride * (downwards ? kCount - k : k);
+        EXPECT_EQ(map.at(id), k);
+        EXPECT_EQ(map.IndexOf(id), k);
+        EXPECT_EQ(map.contains(id + 1),
+                  stride == 1 && map.begin()[downwards ? 0 : kCount - 1].first > id);
+      }
+      EXPECT_FALSE(map.contains(~uint64_t{0}));
+    }
+  }
 }
 
 }  // namespace

@@ -5,43 +5,7 @@
 #include <map>
 #include <vector>
 
-#include "holba/base/check.h"
-
 namespace holba {
-
-Reconstruction Select(Reconstruction part, const ModelSelection& selection) {
-  if (selection.keep_point) {
-    part.DeletePoints3D(
-        [&](point3D_t id, const Point3D& point) { return !selection.keep_point(id, point); });
-  }
-  if (selection.keep_line) {
-    part.DeleteLines3D(
-        [&](line3D_t id, const Line3D& line) { return !selection.keep_line(id, line); });
-  }
-  if (selection.keep_group) {
-    part.DeleteGroups3D(
-        [&](group3D_t id, const Group3D& group) { return !selection.keep_group(id, group); });
-  }
-  return part;
-}
-
-void CopyValues(const Reconstruction& part, Reconstruction* model) {
-  for (const auto& [id, camera] : part.cameras) model->cameras.at(id).params = camera.params;
-  for (const auto& [id, frame] : part.frames) model->SetFramePose(id, frame.rig_from_world);
-  for (const auto& [id, point] : part.points3D) {
-    Point3D& to = model->points3D.at(id);
-    to.xyz = point.xyz;
-    to.error = point.error;
-  }
-  for (const auto& [id, line] : part.lines3D) {
-    Line3D& to = model->lines3D.at(id);
-    to.line = line.line;
-    to.start = line.start;
-    to.end = line.end;
-    to.error = line.error;
-  }
-  for (const auto& [id, group] : part.groups3D) model->groups3D.at(id).params = group.params;
-}
 
 void RemoveStructure(Reconstruction* model) {
   model->DeleteGroups3D([](group3D_t, const Group3D&) { return true; });

@@ -1,29 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Parts of a model: the same cameras and images with some of the features and groups, and the way
-// back.
+// Structure as a whole: taken out of a model, or seen anew in its images.
 #pragma once
-
-#include <functional>
 
 #include "holba/scene/reconstruction.h"
 
 namespace holba {
-
-// Which features and groups a part has. An empty function keeps all.
-struct ModelSelection {
-  std::function<bool(point3D_t, const Point3D&)> keep_point;
-  std::function<bool(line3D_t, const Line3D&)> keep_line;
-  std::function<bool(group3D_t, const Group3D&)> keep_group;
-};
-
-// `part`, the whole as it comes in, without all else: a consistent model of the chosen features and
-// groups; what refers to others (members, edges, relations, references of 2D features) is gone, 2D
-// features keep their indices.
-Reconstruction Select(Reconstruction part, const ModelSelection& selection);
-
-// Poses, intrinsics, points, lines and parameters of groups of a part (Select's, then adjusted)
-// into the model that it was taken from. Tracks, members and edges of the model stay as they are.
-void CopyValues(const Reconstruction& part, Reconstruction* model);
 
 // Removes all lines, groups, edges and relations, in 2D and 3D, and the points made from them.
 void RemoveStructure(Reconstruction* model);

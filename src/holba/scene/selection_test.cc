@@ -11,59 +11,6 @@
 namespace holba {
 namespace {
 
-TEST(Selection, APartIsConsistentAndHasNothingOfTheRest) {
-  for (uint64_t seed = 1; seed <= 10; ++seed) {
-    const Reconstruction model = RandomModel(seed, {});
-    const Reconstruction part =
-        Select(model, {.keep_point = [](point3D_t id, const Point3D&) { return id % 2 == 0; },
-                       .keep_line = [](line3D_t id, const Line3D&) { return id % 3 != 0; },
-                       .keep_group = [](group3D_t id, const Group3D&) { return id % 2 == 1; }});
-    EXPECT_EQ(part.FindInconsistency(), std::nullopt);
-    for (const auto& [id, point] : model.points3D)
-      EXPECT_EQ(part.points3D.contains(id), id % 2 == 0);
-    for (const auto& [id, line] : model.lines3D) EXPECT_EQ(part.lines3D.contains(id), id % 3 != 0);
-    for (const auto& [id, group] : model.groups3D)
-      EXPECT_EQ(part.groups3D.contains(id), id % 2 == 1);
-    for (const auto& [id, image] : model.images) {
-      EXPECT_EQ(part.images.at(id).points2D.size(), image.points2D.size());
-      EXPECT_EQ(part.images.at(id).lines2D.size(), image.lines2D.size());
-    }
-  }
-}
-
-TEST(Selection, AnEmptySelectionIsTheWholeModel) {
-  const Reconstruction model = RandomModel(3, {});
-  const Reconstruction part = Select(model, {});
-  EXPECT_EQ(part.points3D.size(), model.points3D.size());
-  EXPECT_EQ(part.lines3D.size(), model.lines3D.size());
-  EXPECT_EQ(part.groups3D.size(), model.groups3D.size());
-  EXPECT_EQ(part.wireframe.size(), model.wireframe.size());
-  EXPECT_EQ(part.relations.size(), model.relations.size());
-}
-
-TEST(Selection, ValuesComeBackToThoseThatWereChosenOnly) {
-  Reconstruction model = RandomModel(5, {.extreme_reals = false});
-  const Reconstruction before = model;
-  Reconstruction part =
-      Select(model, {.keep_point = [](point3D_t id, const Point3D&) { return id % 2 == 0; },
-                     .keep_line = [](line3D_t id, const Line3D&) { return id % 2 == 0; },
-                     .keep_group = {}});
-  Sim3d move;
-  move.translation = Eigen::Vector3d(1, 2, 3);
-  part.Transform(move);
-  CopyValues(part, &model);
-  for (const auto& [id, point] : model.points3D) {
-    EXPECT_EQ(point.xyz, id % 2 == 0 ? part.points3D.at(id).xyz : before.points3D.at(id).xyz);
-    EXPECT_EQ(point.track.size(), before.points3D.at(id).track.size());
-  }
-  for (const auto& [id, line] : model.lines3D)
-    EXPECT_EQ(line.start, id % 2 == 0 ? part.lines3D.at(id).start : before.lines3D.at(id).start);
-  for (const auto& [id, frame] : model.frames)
-    EXPECT_EQ(frame.rig_from_world.translation, part.frames.at(id).rig_from_world.translation);
-  for (const auto& [id, group] : model.groups3D)
-    EXPECT_EQ(group.params, part.groups3D.at(id).params);
-}
-
 TEST(Selection, NothingIsLeftOfRemovedStructure) {
   Reconstruction model = RandomModel(7, {});
   const auto num_points = std::count_if(model.points3D.begin(), model.points3D.end(), [](const auto& entry) {

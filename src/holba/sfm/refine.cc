@@ -11,6 +11,7 @@
 
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
+#include "holba/bundle/bundle_selection.h"
 #include "holba/scene/selection.h"
 
 namespace holba {
@@ -97,21 +98,11 @@ class Refiner {
     SolverOptions solver = options_.solver;
     if (!is_last) solver.function_tolerance = std::max(solver.function_tolerance, kRoundTolerance);
     const Reliability& reliability = report_.reliability;
-    Reconstruction part = Select(
-        model_,
-        {.keep_point = [&](point3D_t id,
-                           const Point3D&) { return !reliability.unreliable_points.contains(id); },
-         .keep_line = [&](line3D_t id,
-                          const Line3D&) { return !reliability.unreliable_lines.contains(id); },
-         .keep_group = {}});
     // Groups with too little active support would be free to go anywhere.
-    part = Select(
-        std::move(part),
-        {.keep_point = {}, .keep_line = {}, .keep_group = [](group3D_t, const Group3D& group) {
-           return IsSupported(group);
-         }});
-    report_.stage1 = AdjustBundle(bundle_, solver, &part, {}, log_, known_sigmas_);
-    CopyValues(part, &model_);
+    const BundleSelection part = BundleSelection::OfFeatures(
+        model_, bundle_, [&](point3D_t id) { return !reliability.unreliable_points.contains(id); },
+        [&](line3D_t id) { return !reliability.unreliable_lines.contains(id); }, kMinSupport);
+    report_.stage1 = AdjustBundle(bundle_, solver, part, &model_, {}, log_, known_sigmas_);
     known_sigmas_ = report_.stage1.auto_sigmas;
     Reject(report_.stage1.filter);
   }
@@ -120,23 +111,14 @@ class Refiner {
   void Stage2() {
     const Reliability& reliability = report_.reliability;
     if (reliability.unreliable_points.empty() && reliability.unreliable_lines.empty()) return;
-    Reconstruction part = Select(
-        model_,
-        {.keep_point = [&](point3D_t id,
-                           const Point3D&) { return reliability.unreliable_points.contains(id); },
-         .keep_line = [&](line3D_t id,
-                          const Line3D&) { return reliability.unreliable_lines.contains(id); },
-         .keep_group = {}});
-    // A group without members is no group.
-    const auto has_members = [](group3D_t, const Group3D& group) {
-      return !group.point3D_ids.empty() || !group.line3D_ids.empty();
-    };
-    part = Select(std::move(part), {.keep_point = {}, .keep_line = {}, .keep_group = has_members});
     BundleOptions options = bundle_;
     options.HoldCameras();
     options.fix_groups = true;
-    report_.stage2 = AdjustBundle(options, options_.solver, &part, {}, log_, known_sigmas_);
-    CopyValues(part, &model_);
+    // A group without members is no group.
+    const BundleSelection part = BundleSelection::OfFeatures(
+        model_, options, [&](point3D_t id) { return reliability.unreliable_points.contains(id); },
+        [&](line3D_t id) { return reliability.unreliable_lines.contains(id); }, 1);
+    report_.stage2 = AdjustBundle(options, options_.solver, part, &model_, {}, log_, known_sigmas_);
     AssociationFilter filter = report_.stage2.filter;
     // The group is judged by its reliable members, in stage 1.
     filter.groups.clear();
@@ -153,10 +135,6 @@ class Refiner {
       const auto known = params.find(id);
       if (known != params.end()) group.params = known->second;
     }
-  }
-
-  static bool IsSupported(const Group3D& group) {
-    return group.point3D_ids.size() + group.line3D_ids.size() >= kMinSupport;
   }
 
   // Takes associations that failed their tests out of the model.
