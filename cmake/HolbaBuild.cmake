@@ -65,6 +65,21 @@ function(holba_precompile tier)
   if(ARG_OPTIMISE_LOOPS)
     target_compile_options(holba_precompiled_${tier} PRIVATE $<$<CONFIG:Release>:-O3>)
   endif()
+  # gcc takes an old precompiled header for the headers it was made from, also while it makes the new one, and what
+  # ccache then remembers belongs to the old one: that has to be gone first.
+  if(CMAKE_HOST_UNIX)
+    set(anew ${CMAKE_BINARY_DIR}/precompile_anew.sh)
+    file(CONFIGURE OUTPUT ${anew} CONTENT [[
+previous=
+for argument in "$@"; do
+  case "$previous $argument" in "-o "*.gch) rm -f "$argument" ;; esac
+  previous=$argument
+done
+exec "$@"
+]] @ONLY)
+    set_target_properties(holba_precompiled_${tier} PROPERTIES
+        CXX_COMPILER_LAUNCHER "sh;${anew};${CMAKE_CXX_COMPILER_LAUNCHER}")
+  endif()
   list(TRANSFORM ARG_HEADERS REPLACE "(.+)" "<\\1>")
   target_precompile_headers(holba_precompiled_${tier} PRIVATE ${ARG_HEADERS})
 endfunction()
