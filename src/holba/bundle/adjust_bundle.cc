@@ -10,7 +10,6 @@
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/camera_shift.h"
 #include "holba/bundle/losses.h"
-#include "holba/scene/local_frame.h"
 
 namespace holba {
 namespace {
@@ -280,13 +279,6 @@ void RefitOthers(BundleOptions options, SolverOptions solver_options, BundleSele
   }
 }
 
-// Costs of the 3D forms are in the units of the model.
-LocalFrame::Unit UnitFor(const BundleOptions& options) {
-  const bool has_3d_form =
-      options.group_form == StructureForm::k3d || options.wireframe_form == StructureForm::k3d;
-  return has_3d_form ? LocalFrame::Unit::kUnchanged : LocalFrame::Unit::kOfTheScene;
-}
-
 // In the frame that the model is in.
 BundleSummary AdjustInPlace(const BundleOptions& given, const SolverOptions& solver_options,
                             const BundleSelection& selection, Reconstruction* model,
@@ -309,7 +301,7 @@ BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& so
   const Timer timer;
   BundleSummary summary;
   {
-    const LocalFrame local(model, UnitFor(options));
+    const LocalFrame local(model, FrameUnit(options));
     const BundleSelection everything = BundleSelection::Everything(*model, options);
     summary = AdjustInPlace(options, solver_options, everything, model, measurements, log, known);
   }
@@ -324,11 +316,17 @@ BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& so
   const Timer timer;
   BundleSummary summary;
   {
-    const LocalFrame local(model, UnitFor(options));
+    const LocalFrame local(model, FrameUnit(options));
     summary = AdjustInPlace(options, solver_options, selection, model, measurements, log, known);
   }
   summary.solver.total_seconds = timer.Seconds();
   return summary;
+}
+
+LocalFrame::Unit FrameUnit(const BundleOptions& options) {
+  const bool has_3d_form =
+      options.group_form == StructureForm::k3d || options.wireframe_form == StructureForm::k3d;
+  return has_3d_form ? LocalFrame::Unit::kUnchanged : LocalFrame::Unit::kOfTheScene;
 }
 
 std::vector<TermCost> EvaluateModel(const Reconstruction& model,

@@ -13,6 +13,7 @@
 #include "holba/bundle/bundle_options.h"
 #include "holba/bundle/bundle_selection.h"
 #include "holba/bundle/losses.h"
+#include "holba/scene/local_frame.h"
 #include "holba/scene/reconstruction.h"
 #include "holba/solver/solver.h"
 
@@ -49,8 +50,10 @@ using RoundLog = std::function<void(const std::string&)>;
 // and lines alone, then rounds of testing the associations and adjusting all of it with those that
 // passed (membership in the model does not change). Losses `auto` are annealed: rounds of Cauchy
 // whose scale halves down to options.auto_num_sigmas robust standard deviations, measured anew
-// after every round; the last round runs to convergence. `known`: BundleSummary::auto_sigmas of an earlier
-// adjustment of these features, whose terms need no annealing. The model must be consistent.
+// after every round; the last round runs to convergence. All of it in a frame of the scene
+// (local_frame.h): neither the place of the origin nor the unit of length matters. `known`:
+// BundleSummary::auto_sigmas of an earlier adjustment of these features, whose terms need no
+// annealing. The model must be consistent.
 BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& solver_options,
                            Reconstruction* model,
                            std::span<const GroupMeasurement> measurements = {},
@@ -60,6 +63,10 @@ BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& so
                            const BundleSelection& selection, Reconstruction* model,
                            std::span<const GroupMeasurement> measurements = {},
                            const RoundLog& log = {}, const NoiseSigmas& known = {});
+
+// The frame that a model is adjusted in has a unit of its own, but for the 3D forms, whose costs are
+// in the units of the model.
+LocalFrame::Unit FrameUnit(const BundleOptions& options);
 
 // Number of residuals and sum of squares of every term of FORMAT.md at the model as it stands (all
 // eight, also the empty ones), then those of measurements if given.

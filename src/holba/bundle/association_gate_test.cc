@@ -138,9 +138,13 @@ TEST(AssociationGate, JudgesTypesThatProjectLinesOnlyAsPlanesOfLines) {
                          [&](line3D_t line) { return !Contains(right, line); }) > 1;
   });
   for (auto& [id, group] : scene.perturbed.groups3D) group.point3D_ids.clear();
-  const AssociationReport planes = TestAssociations(scene.perturbed, features);
+  const auto test = [&] {
+    return TestAssociations(scene.perturbed, BundleSelection::Everything(scene.perturbed, options),
+                            features);
+  };
+  const AssociationReport planes = test();
   for (auto& [id, group] : scene.perturbed.groups3D) group.type = &TableOf<LinesInPlane>();
-  const AssociationReport lines_in_planes = TestAssociations(scene.perturbed, features);
+  const AssociationReport lines_in_planes = test();
   const AssociationCount& count = planes.counts.at("PLANE lines");
   ASSERT_GT(count.tested, 50u);
   ASSERT_GT(count.rejected, 10u);

@@ -10,31 +10,44 @@
 namespace holba {
 namespace {
 
-// d(plain parameters of the file) / d(tangent of the parameters in memory), by central differences:
-// files hold smooth functions of what is in memory.
-Eigen::MatrixXd FileParamsByTangent(const GroupType& type, const double* g) {
+// d(plain parameters of the file in the world) / d(tangent of the local parameters in memory), by
+// central differences: files hold smooth functions of what is in memory.
+Eigen::MatrixXd FileParamsByTangent(const GroupType& type, const Sim3d& world_from_local,
+                                    const double* g) {
   constexpr double kStep = 1e-6;
   const int tangent = type.manifold->tangent;
   Eigen::MatrixXd J(type.num_file_params, tangent);
   for (int c = 0; c < tangent; ++c) {
     Eigen::VectorXd delta = Eigen::VectorXd::Zero(tangent), plain[2];
     for (int side = 0; side < 2; ++side) {
-      double moved[kMaxGroupParams];
+      double moved[kMaxGroupParams], in_world[kMaxGroupParams];
       delta[c] = side == 0 ? -kStep : kStep;
       type.manifold->plus(g, delta.data(), moved);
+      type.transform(world_from_local, moved, in_world);
       plain[side].resize(type.num_file_params);
-      type.to_file(moved, plain[side].data());
+      type.to_file(in_world, plain[side].data());
     }
     J.col(c) = (plain[1] - plain[0]) / (2.0 * kStep);
   }
   return J;
 }
 
-// Adds what the problem of `options` knows and `result` does not have yet; false: singular.
-bool AddCovariances(const Reconstruction& model, const BundleOptions& options,
-                    const BundleSelection& selection, const BundleSummary& summary,
-                    std::span<const GroupMeasurement> measurements, int num_threads,
-                    ModelUncertainty* result) {
+// Tangent of a pose in the world by that of the local pose. With c the local origin in the world
+// and s the local unit, t = s t_local - R c: a rotation R' = exp(w) R moves t, too.
+Matrix6d WorldPoseByLocal(const Sim3d& world_from_local, const Rigid3d& cam_from_local) {
+  Matrix6d J = Matrix6d::Identity();
+  const Eigen::Vector3d c_in_cam = cam_from_local.rotation * world_from_local.translation;
+  J.bottomLeftCorner<3, 3>() = CrossMatrix(c_in_cam);
+  J.bottomRightCorner<3, 3>() *= world_from_local.scale;
+  return J;
+}
+
+// Adds what the problem of `options` knows and `result` does not have yet; false: singular. The
+// model is in its local frame, the results are in the world.
+bool AddCovariances(const Reconstruction& model, const Sim3d& world_from_local,
+                    const BundleOptions& options, const BundleSelection& selection,
+                    const BundleSummary& summary, std::span<const GroupMeasurement> measurements,
+                    int num_threads, ModelUncertainty* result) {
   const BundleProblem bundle =
       BuildProblem(model, options, selection, measurements, &summary.filter);
   const Problem& problem = bundle.problem;
@@ -51,16 +64,19 @@ bool AddCovariances(const Reconstruction& model, const BundleOptions& options,
   if (!(sigma_px > 0.0)) sigma_px = RobustSigma(problem, "line");
   if (result->sigma_px == 0.0) result->sigma_px = sigma_px;
   const double variance = result->sigma_px * result->sigma_px;
+  const double area = world_from_local.scale * world_from_local.scale;
   for (const auto& [id, block] : bundle.poses) {
     const Eigen::MatrixXd C = variance * covariance->Of(block);
-    if (C.allFinite()) result->poses.emplace(id, C);
+    if (!C.allFinite()) continue;
+    const Matrix6d J = WorldPoseByLocal(world_from_local, model.frames.at(id).rig_from_world);
+    result->poses.emplace(id, J * C * J.transpose());
   }
   for (const auto& [id, block] : bundle.points) {
-    const Eigen::MatrixXd C = variance * covariance->Of(block);
+    const Eigen::MatrixXd C = area * variance * covariance->Of(block);
     if (C.allFinite()) result->points.emplace(id, C);
   }
   for (const auto& [id, block] : bundle.lines) {
-    const Eigen::MatrixXd C = variance * covariance->Of(block);
+    const Eigen::MatrixXd C = area * variance * covariance->Of(block);
     if (!C.allFinite()) continue;
     const double* v = problem.values(block);
     const Eigen::Vector3d d(v[0], v[1], v[2]), anchor(v[3], v[4], v[5]);
@@ -77,7 +93,7 @@ bool AddCovariances(const Reconstruction& model, const BundleOptions& options,
     const Eigen::MatrixXd C = variance * covariance->Of(block);
     if (!C.allFinite()) continue;
     const Eigen::MatrixXd J =
-        FileParamsByTangent(*model.groups3D.at(id).type, problem.values(block));
+        FileParamsByTangent(*model.groups3D.at(id).type, world_from_local, problem.values(block));
     result->groups.emplace(id, J * C * J.transpose());
   }
   return true;
@@ -86,22 +102,27 @@ bool AddCovariances(const Reconstruction& model, const BundleOptions& options,
 }  // namespace
 
 std::optional<ModelUncertainty> EstimateUncertainty(
-    const Reconstruction& model, const BundleOptions& given, const BundleSummary& summary,
+    const Reconstruction& given_model, const BundleOptions& given, const BundleSummary& summary,
     int num_threads, std::span<const GroupMeasurement> measurements) {
   BundleOptions options = given;
   options.SetDefaultLosses(false);
+  Reconstruction model = given_model;
+  const LocalFrame local(&model, FrameUnit(options));
+  const Sim3d world_from_local = local.local_from_world().Inverse();
   ModelUncertainty result;
   BundleSelection selection = BundleSelection::Everything(model, options);
   if (summary.cameras_held) {
     // What contradicts the points does not make the cameras surer.
     BundleOptions points_only = options;
     points_only.config = BundleConfig::kPoint;
-    if (!AddCovariances(model, points_only, WithoutPointsOfStructure(model, selection), summary,
-                        {}, num_threads, &result))
+    if (!AddCovariances(model, world_from_local, points_only,
+                        WithoutPointsOfStructure(model, selection), summary, {}, num_threads,
+                        &result))
       return std::nullopt;
     selection.HoldCameras();
   }
-  if (!AddCovariances(model, options, selection, summary, measurements, num_threads, &result))
+  if (!AddCovariances(model, world_from_local, options, selection, summary, measurements,
+                      num_threads, &result))
     return std::nullopt;
   return result;
 }

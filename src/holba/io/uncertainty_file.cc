@@ -9,10 +9,10 @@ namespace holba {
 namespace {
 
 template <typename Matrix>
-void AppendUpperTriangle(const Matrix& matrix, std::string* text) {
+void AppendUpperTriangle(const Matrix& matrix, std::string* text, int digits = 9) {
   for (Eigen::Index r = 0; r < matrix.rows(); ++r) {
     for (Eigen::Index c = r; c < matrix.cols(); ++c)
-      fmt::format_to(std::back_inserter(*text), " {:.9g}", matrix(r, c));
+      fmt::format_to(std::back_inserter(*text), " {:.{}g}", matrix(r, c), digits);
   }
 }
 
@@ -27,8 +27,10 @@ void WriteUncertainty(const ModelUncertainty& uncertainty, const std::filesystem
       "# GROUP GROUP3D_ID NUM_PARAMS C[NUM_PARAMS (NUM_PARAMS + 1) / 2]: parameters of groups3D\n",
       uncertainty.sigma_px);
   for (const auto& [id, C] : uncertainty.poses) {
+    // All digits: where the origin is far away, the covariance of the camera's centre is a small
+    // difference of these.
     text += fmt::format("POSE {}", id);
-    AppendUpperTriangle(C, &text);
+    AppendUpperTriangle(C, &text, 17);
     text += '\n';
   }
   for (const auto& [id, C] : uncertainty.points) {

@@ -12,6 +12,7 @@
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/bundle_selection.h"
+#include "holba/scene/local_frame.h"
 #include "holba/scene/selection.h"
 
 namespace holba {
@@ -211,6 +212,8 @@ RefineReport RefineModel(const RefineOptions& options, const ImageFeatureMap& fe
                          const LineMatcher& match_lines, const RegionObserver& observe_regions,
                          Reconstruction* model,
                          const std::function<void(const std::string&)>& log) {
+  // Structure is built where numbers are small, too, and whatever the unit is.
+  const LocalFrame local(model, FrameUnit(options.bundle));
   return Refiner(options, features, model, log).Run(match_lines, observe_regions);
 }
 
