@@ -37,11 +37,12 @@ class EvaluateJob : public Job {
         "True model with the same ids: adds errors of poses and geometry after a similarity.");
     table->Field("group_measurements_path", &measurements_path_,
                  "Text file of directions of groups measured in images, as for adjust.");
+    read_.Describe(table);
   }
 
   void Run(const Invocation& invocation) override {
     const bool is_bal = std::filesystem::is_regular_file(input_path_);
-    const Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_);
+    const Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_, read_);
     std::vector<GroupMeasurement> measurements;
     if (!measurements_path_.empty())
       measurements = ReadGroupMeasurements(measurements_path_, model);
@@ -49,7 +50,7 @@ class EvaluateJob : public Job {
     nlohmann::json result = {{"terms", TermsToJson(terms)}};
     if (!ground_truth_path_.empty()) {
       result["ground_truth"] =
-          TruthErrorsToJson(model, ReadModel(ground_truth_path_), ground_truth_path_);
+          TruthErrorsToJson(model, ReadPoses(ground_truth_path_), ground_truth_path_);
     }
     if (invocation.json) {
       PrintResult(result.dump(2) + "\n");
@@ -76,6 +77,7 @@ class EvaluateJob : public Job {
   std::string input_path_;
   std::string ground_truth_path_;
   std::string measurements_path_;
+  ReadModelOptions read_;
 };
 
 }  // namespace

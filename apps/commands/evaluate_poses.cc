@@ -21,16 +21,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool HoldsModel(const fs::path& folder) {
-  return fs::exists(folder / "images.bin") || fs::exists(folder / "images.txt");
-}
-
 // The folder itself, or its sub-folders with models (COLMAP's mapper writes 0, 1, ...).
 std::vector<fs::path> FindModels(const fs::path& folder) {
   std::vector<fs::path> found;
-  if (!HoldsModel(folder) && fs::is_directory(folder)) {
+  if (!HoldsPoses(folder) && fs::is_directory(folder)) {
     for (const auto& entry : fs::directory_iterator(folder)) {
-      if (entry.is_directory() && HoldsModel(entry.path())) found.push_back(entry.path());
+      if (entry.is_directory() && HoldsPoses(entry.path())) found.push_back(entry.path());
     }
     std::sort(found.begin(), found.end());
   }
@@ -72,13 +68,13 @@ class EvaluatePosesJob : public Job {
 
   void Run(const Invocation& invocation) override {
     if (thresholds_deg_.empty()) throw InputError("--thresholds_deg: give at least one threshold");
-    const Reconstruction truth = ReadModel(ground_truth_path_);
+    const Reconstruction truth = ReadPoses(ground_truth_path_);
     if (truth.images.size() < 2) {
       throw InputError(ground_truth_path_, "a pose comparison needs at least two true images");
     }
     std::optional<PoseErrors> errors;
     for (const fs::path& path : FindModels(input_path_)) {
-      PoseErrors candidate = ComparePoses(ReadModel(path), truth, options_);
+      PoseErrors candidate = ComparePoses(ReadPoses(path), truth, options_);
       if (!errors || candidate.registered > errors->registered) errors = std::move(candidate);
     }
     PrintResult(invocation.json ? Json(*errors) : Table(*errors));

@@ -43,6 +43,7 @@ class RefineJob : public Job {
                  "Photographs that are drawn upon, evenly spread over the model; -1: all.");
     table->Field("covariances", &covariances_,
                  "Whether covariances.txt is written (of poses, points, lines and groups).");
+    read_.Describe(table);
     detection_.Describe(table);
     matching_.Describe(table);
     regions_.Describe(table);
@@ -71,7 +72,7 @@ class RefineJob : public Job {
           "--Import.correspondences_path needs --Regions.matching warp: votes of features do not "
           "use it");
     }
-    Reconstruction model = ReadModel(input_path_);
+    Reconstruction model = ReadModel(input_path_, read_);
     if (model.images.empty() || model.points3D.empty()) {
       throw InputError(input_path_,
                        "this model has no images or no points; structure is built on poses and "
@@ -151,6 +152,7 @@ class RefineJob : public Job {
   ModelFormat format_ = ModelFormat::kBinary;
   int num_pictures_ = 4;
   bool covariances_ = false;
+  ReadModelOptions read_;
   DetectionOptions detection_;
   MatchLinesOptions matching_;
   RegionOptions regions_;

@@ -135,6 +135,7 @@ class TransformJob : public Job {
                  "Translation x,y,z of the similarity, in units of the output.");
     table->Field("transform_path", &transform_path_,
                  "JSON file with scale, rotation and translation, instead of these options.");
+    read_.Describe(table);
   }
 
   void Run(const Invocation& invocation) override {
@@ -145,7 +146,7 @@ class TransformJob : public Job {
     Sim3d new_from_old = transform_path_.empty()
                              ? ToSim3d(similarity_, "--scale, --rotation, --translation")
                              : ReadSimilarity(transform_path_);
-    Reconstruction model = ReadModel(input_path_);
+    Reconstruction model = ReadModel(input_path_, read_);
     if (normalize_) new_from_old = Compose(new_from_old, Normalisation(model, input_path_));
     model.Transform(new_from_old);
     WriteModel(model, output_path_, output_type_);
@@ -170,6 +171,7 @@ class TransformJob : public Job {
   bool normalize_ = false;
   Similarity similarity_;
   std::string transform_path_;
+  ReadModelOptions read_;
 };
 
 }  // namespace
