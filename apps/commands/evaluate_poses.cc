@@ -51,7 +51,9 @@ class EvaluatePosesJob : public Job {
     table->Field("input_path", &input_path_,
                  "Model folder, or a folder of models (0, 1, ...), of which the one with most "
                  "images counts.").Required();
-    table->Field("ground_truth_path", &ground_truth_path_, "Model folder with the true poses.")
+    table
+        ->Field("ground_truth_path", &ground_truth_path_,
+                "Model folder with the true poses (images.txt or images.bin is enough).")
         .Required();
     table->Field("thresholds_deg", &thresholds_deg_, GreaterThan(0),
                  "Thresholds of the pose AUC in degrees.");
@@ -77,6 +79,7 @@ class EvaluatePosesJob : public Job {
       PoseErrors candidate = ComparePoses(ReadPoses(path), truth, options_);
       if (!errors || candidate.registered > errors->registered) errors = std::move(candidate);
     }
+    ReportPairing(errors->pairing, ground_truth_path_);
     PrintResult(invocation.json ? Json(*errors) : Table(*errors));
   }
 
@@ -135,7 +138,9 @@ Command EvaluatePosesCommand() {
       .name = "evaluate_poses",
       .summary = "Compare the poses of a model with true ones (pose AUC)",
       .details =
-          "Images are paired by name, first whole, then by the last path component. Every pair "
+          "Images are paired by name: whole, else by the end of the path (extensions, case, '\\' "
+          "for "
+          "'/' and folders before it may differ) where that is unique. Every pair "
           "of true images counts with the larger of the errors of its relative rotation and of "
           "the direction of its relative translation; the error of a pair that the model lacks "
           "is infinite. AUC@T is the area under the recall curve from 0 to T degrees divided by "

@@ -3,6 +3,7 @@
 """The holba program on models that others wrote or changed. Environment: HOLBA, path of the program; HOLBA_DATA_DIR,
 folder of the inputs (models_other, reports), without which the tests are skipped."""
 
+import json
 import os
 import pathlib
 import shutil
@@ -145,6 +146,100 @@ class DuplicateNames(Case):
                 self.assertEqual(message.count("\n"), 1)
         for name in ("evaluate", "evaluate_poses"):
             self.assertIn("images 1 and 2", self.refuses(name, "--input_path", sound, "--ground_truth_path", model))
+
+
+class PoseNames(Case):
+    def setUp(self):
+        super().setUp()
+        self.names = DATA / "reports" / "pose-names"
+
+    def test_images_pair_whatever_their_extension_separator_and_folder(self):
+        for model, truth, example in (("jpg", "truth_png", "'image000001.png' is 'image000001.jpg'"),
+                                      ("backslash", "truth_png", r"'image000001.png' is 'images\image000001.png'"),
+                                      ("seq_cam", "truth_cam", "'cam1/000.png' is 'seq/cam1/000.png'")):
+            for command in ("evaluate_poses", "evaluate"):
+                with self.subTest(model=model, command=command):
+                    result = self.succeeds(command, "--input_path", self.names / model, "--ground_truth_path",
+                                           self.names / truth)
+                    self.assertIn("Paired 0 images by their whole names and 10 by the ends of their paths", result.stderr)
+                    self.assertIn(example, result.stderr)
+                    if command == "evaluate_poses":
+                        self.assertIn("registered   10 of 10 images, 45 of 45 pairs", result.stdout)
+                    else:
+                        self.assertIn("position_rms", result.stdout)
+
+    def test_names_of_another_set_are_refused_with_one_of_each(self):
+        for command in ("evaluate_poses", "evaluate"):
+            message = self.refuses(command, "--input_path", self.names / "jpg", "--ground_truth_path",
+                                   self.names / "truth_cam")
+            self.assertIn("only 0 of the 10 images of the model", message)
+            self.assertIn("'image000001.jpg'", message)
+            self.assertIn("'cam1/000.png'", message)
+
+    def test_a_truth_needs_poses_only(self):
+        poses = self.folder / "poses"
+        poses.mkdir()
+        shutil.copy(self.names / "truth_png" / "images.txt", poses)
+        for command in ("evaluate_poses", "evaluate"):
+            of_poses, of_model = (self.succeeds(command, "--input_path", self.names / "jpg", "--ground_truth_path",
+                                                truth, "--quiet", *(("--alignment", "centres") if command == "evaluate" else ())
+                                                ).stdout for truth in (poses, self.names / "truth_png"))
+            camera_lines = [line for line in of_model.splitlines() if not line.startswith("point_")]
+            self.assertEqual(of_poses.splitlines(), camera_lines)
+
+
+class Alignment(Case):
+    def setUp(self):
+        super().setUp()
+        self.succeeds("synthesize", "--output_path", self.folder / "scene", "--num_images", "12", "--output_type", "txt",
+                      "--quiet")
+
+    def errors(self, model: pathlib.Path, truth: pathlib.Path, *words) -> dict:
+        result = self.succeeds("evaluate", "--input_path", model, "--ground_truth_path", truth, "--json", *words)
+        return json.loads(result.stdout)["ground_truth"]
+
+    def test_one_far_point_does_not_decide(self):
+        scene = self.folder / "scene"
+        before = self.errors(scene / "perturbed", scene / "truth")
+        for folder, where in (("perturbed", "6000 100 8000"), ("truth", "3000 0 4000")):
+            path = scene / folder / "points3D.txt"
+            lines = path.read_text().splitlines()
+            at = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+            words = lines[at].split()
+            lines[at] = " ".join([words[0], where, *words[4:]])
+            path.write_text("\n".join(lines) + "\n")
+        after = self.errors(scene / "perturbed", scene / "truth")
+        for name in ("rotation_rms_deg", "position_rms", "point_median"):
+            self.assertLess(after[name], 1.05 * before[name], name)
+        centres = self.errors(scene / "perturbed", scene / "truth", "--alignment", "centres")
+        self.assertLessEqual(centres["position_rms"], 1.0001 * after["position_rms"])
+
+    def test_images_of_other_ids_are_the_same_by_name(self):
+        scene = self.folder / "scene"
+        before = self.errors(scene / "perturbed", scene / "truth", "--alignment", "centres")
+        # Images 1 to 12 become 101 to 112; nothing else.
+        other = self.folder / "other"
+        shutil.copytree(scene / "truth", other)
+        for name in ("holistic.json", "lines2D.txt", "lines3D.txt", "groups2D.txt", "groups3D.txt", "wireframe.txt",
+                     "relations.txt"):
+            (other / name).unlink(missing_ok=True)
+        lines = (other / "images.txt").read_text().split("\n")
+        records = [i for i, line in enumerate(lines) if not line.startswith("#")]
+        for i in records[::2]:
+            words = lines[i].split(" ")
+            if words[0]:
+                lines[i] = " ".join([str(100 + int(words[0])), *words[1:]])
+        (other / "images.txt").write_text("\n".join(lines))
+        points = []
+        for line in (other / "points3D.txt").read_text().splitlines():
+            words = line.split()
+            if not line.startswith("#"):
+                words[8::2] = [str(100 + int(word)) for word in words[8::2]]
+            points.append(" ".join(words))
+        (other / "points3D.txt").write_text("\n".join(points) + "\n")
+        after = self.errors(scene / "perturbed", other, "--alignment", "centres")
+        for name in ("rotation_rms_deg", "position_rms", "point_rms"):
+            self.assertAlmostEqual(after[name], before[name], places=9)
 
 
 if __name__ == "__main__":
