@@ -188,6 +188,41 @@ class PoseNames(Case):
             self.assertEqual(of_poses.splitlines(), camera_lines)
 
 
+class PhotographNames(Case):
+    def setUp(self):
+        super().setUp()
+        if "refine" not in holba("help").stdout:
+            self.skipTest("SKIPPED, NOT TESTED: this program has no refine")
+        # The model of four images, without the duplicate of a name.
+        case = DATA / "reports" / "refine-duplicate-name"
+        self.images, self.model = case / "images", self.folder / "model"
+        shutil.copytree(case / "model", self.model)
+        self.model.chmod(0o755)
+        (self.model / "images.txt").chmod(0o644)
+
+    def name_images(self, pattern: str) -> None:
+        """Image k (1 to 4, in the order of the file) is named by the pattern with {k - 1}."""
+        lines = (self.model / "images.txt").read_text().split("\n")
+        records = [i for i, line in enumerate(lines) if not line.startswith("#")][::2]
+        for k, i in enumerate(record for record in records if lines[record]):
+            lines[i] = " ".join([*lines[i].split(" ")[:9], pattern.format(k)])
+        (self.model / "images.txt").write_text("\n".join(lines))
+
+    def test_photographs_are_found_under_names_that_differ(self):
+        self.name_images("set\\{:04d}.PNG")
+        result = self.succeeds("refine", "--image_path", self.images, "--input_path", self.model, "--output_path",
+                               self.folder / "out", "--output_type", "txt", "--num_pictures", "1")
+        self.assertIn("Paired 0 photographs by their whole names and 4 by the ends of their paths", result.stderr)
+        self.assertIn(r"'set\0000.PNG' is '0000.jpg'", result.stderr)
+        # The model keeps its names.
+        self.assertIn(r" set\0003.PNG", (self.folder / "out" / "images.txt").read_text())
+
+    def test_photographs_of_another_set_are_refused(self):
+        self.name_images("other{}.jpg")
+        message = self.refuses("refine", "--image_path", self.images, "--input_path", self.model, "--output_path", "OUT")
+        self.assertIn("the folder has '0000.jpg', the model 'other0.jpg'", message)
+
+
 class Alignment(Case):
     def setUp(self):
         super().setUp()
