@@ -152,17 +152,19 @@ void MendLinks(const ReadModelOptions& options, const fs::path& folder, Reconstr
   const size_t num_all = num_dropped + found.num_corrected + found.num_sound;
   if (options.strict) {
     std::string message = fmt::format(
-        "of {} links between features of images and 3D features {} are known to one of the two "
-        "only ({}); --strict 0 leaves them out and uses the rest. They are:",
-        num_all, num_dropped + found.num_corrected, faults);
+        "links between features of images and 3D features that only one of the two knows: {} of {} "
+        "({}); --strict 0 leaves them out and uses the rest. They are:",
+        num_dropped + found.num_corrected, num_all, faults);
     for (const std::string& text : found.list) message += "\n  " + text;
     throw InputError(folder, message);
   }
   LogWarning(
-      "{}: of {} links between features of images and 3D features {} were left out{}, as only one "
-      "of the two knows them ({}); the rest is used, --strict 1 lists them and stops",
-      folder.string(), num_all, num_dropped,
-      found.num_corrected > 0 ? fmt::format(" and {} corrected", found.num_corrected) : "", faults);
+      "{}: left out {}{} of {} links between features of images and 3D features, as only one of "
+      "the "
+      "two knows them ({}); the rest is used, --strict 1 lists them and stops",
+      folder.string(), num_dropped,
+      found.num_corrected > 0 ? fmt::format(" and corrected {}", found.num_corrected) : "", num_all,
+      faults);
 }
 
 void ReadSideFiles(const fs::path& folder, Reconstruction* model) {

@@ -227,13 +227,14 @@ TEST(ModelIo, LinksThatOneEndOnlyKnowsAreLeftOutOrListed) {
     ReadModel(folder / "m", {.strict = true});
     FAIL() << "a damaged model was accepted";
   } catch (const InputError& error) {
-    EXPECT_EQ(error.what(),
-              (folder / "m").string() +
-                  ": of 6 links between features of images and 3D features 2 are known "
-                  "to one of the two only (2D features that name a missing 3D feature: "
-                  "2); --strict 0 leaves them out and uses the rest. They are:\n"
-                  "  point 1 of image 1 names 3D point 2, which does not exist\n"
-                  "  point 1 of image 2 names 3D point 2, which does not exist");
+    EXPECT_EQ(
+        error.what(),
+        (folder / "m").string() +
+            ": links between features of images and 3D features that only one of the two "
+            "knows: 2 of 6 (2D features that name a missing 3D feature: 2); --strict 0 leaves "
+            "them out and uses the rest. They are:\n"
+            "  point 1 of image 1 names 3D point 2, which does not exist\n"
+            "  point 1 of image 2 names 3D point 2, which does not exist");
   }
 }
 
