@@ -26,13 +26,14 @@ class AdjustJob : public Job {
                  "Text file of directions of groups measured in images, lines of IMAGE_ID "
                  "GROUP3D_ID DX DY DZ SIGMA_DEG "
                  "(camera frame).");
+    read_.Describe(table);
     bundle_.Describe(table);
     solver_.Describe(table);
   }
 
   void Run(const Invocation& invocation) override {
     const bool is_bal = std::filesystem::is_regular_file(input_path_);
-    Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_);
+    Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_, read_);
     std::vector<GroupMeasurement> measurements;
     if (!measurements_path_.empty())
       measurements = ReadGroupMeasurements(measurements_path_, model);
@@ -61,6 +62,7 @@ class AdjustJob : public Job {
   std::string output_path_;
   std::string measurements_path_;
   ModelFormat format_ = ModelFormat::kBinary;
+  ReadModelOptions read_;
   BundleOptions bundle_;
   SolverOptions solver_;
 };

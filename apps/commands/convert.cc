@@ -27,12 +27,13 @@ class ConvertJob : public Job {
                    {"ply", OutputType::kPly},
                    {"bal", OutputType::kBal}},
                   "Format of the output.");
+    read_.Describe(table);
   }
 
   void Run(const Invocation&) override {
     const Reconstruction model = std::filesystem::is_regular_file(input_path_)
                                      ? ReadBal(input_path_)
-                                     : ReadModel(input_path_);
+                                     : ReadModel(input_path_, read_);
     switch (output_type_) {
       case OutputType::kText:
         WriteModel(model, output_path_, ModelFormat::kText);
@@ -54,6 +55,7 @@ class ConvertJob : public Job {
  private:
   std::string input_path_;
   std::string output_path_;
+  ReadModelOptions read_;
   OutputType output_type_ = OutputType::kBinary;
 };
 

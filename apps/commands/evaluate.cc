@@ -9,6 +9,7 @@
 #include "apps/command.h"
 #include "apps/report.h"
 #include "holba/base/error.h"
+#include "holba/base/log.h"
 #include "holba/bundle/adjust_bundle.h"
 #include "holba/evaluation/ground_truth.h"
 #include "holba/io/bal.h"
@@ -18,11 +19,26 @@ namespace holba {
 namespace {
 
 nlohmann::json TruthErrorsToJson(const Reconstruction& model, const Reconstruction& truth,
-                                 const std::string& truth_path) {
-  const std::optional<GroundTruthErrors> errors = CompareToTruth(model, truth);
+                                 const std::string& truth_path, AlignmentBasis basis) {
+  const ImagePairing pairing = PairImages(model, truth);
+  ReportPairing(pairing, truth_path);
+  if (!pairing.features_have_same_ids && !model.points3D.empty() && !truth.points3D.empty()) {
+    LogWarning(
+        "{}: points of one id are not the same in the model and in the truth, so poses only are "
+        "compared",
+        truth_path);
+  }
+  const std::optional<GroundTruthErrors> errors = CompareToTruth(model, truth, pairing, basis);
   if (!errors)
     throw InputError(truth_path,
                      "has no image in common with the model: errors cannot be measured");
+  const Alignment& alignment = errors->alignment;
+  if (alignment.num_left_out > 0) {
+    LogInfo(
+        "Aligned by {} positions of camera centres and points; {} more are far off and were left "
+        "out",
+        alignment.num_positions - alignment.num_left_out, alignment.num_left_out);
+  }
   nlohmann::json object = nlohmann::json::object();
   for (const auto& [name, value] : errors->Named()) object[name] = value;
   return object;
@@ -34,14 +50,22 @@ class EvaluateJob : public Job {
     table->Field("input_path", &input_path_, "Model folder, or a BAL file.").Required();
     table->Field(
         "ground_truth_path", &ground_truth_path_,
-        "True model with the same ids: adds errors of poses and geometry after a similarity.");
+        "True model, or its poses only, with like image names: adds errors after a similarity (of "
+        "points, lines and groups, too, where ids are the same).");
+    table->Choice("alignment", &alignment_,
+                  {{"auto", AlignmentBasis::kAuto},
+                   {"centres", AlignmentBasis::kCentres},
+                   {"centres_and_points", AlignmentBasis::kCentresAndPoints}},
+                  "What the similarity is found by (auto: centres of cameras and points, if both "
+                  "models have 3 points in common); what is far off is left out.");
     table->Field("group_measurements_path", &measurements_path_,
                  "Text file of directions of groups measured in images, as for adjust.");
+    read_.Describe(table);
   }
 
   void Run(const Invocation& invocation) override {
     const bool is_bal = std::filesystem::is_regular_file(input_path_);
-    const Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_);
+    const Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_, read_);
     std::vector<GroupMeasurement> measurements;
     if (!measurements_path_.empty())
       measurements = ReadGroupMeasurements(measurements_path_, model);
@@ -49,7 +73,7 @@ class EvaluateJob : public Job {
     nlohmann::json result = {{"terms", TermsToJson(terms)}};
     if (!ground_truth_path_.empty()) {
       result["ground_truth"] =
-          TruthErrorsToJson(model, ReadModel(ground_truth_path_), ground_truth_path_);
+          TruthErrorsToJson(model, ReadPoses(ground_truth_path_), ground_truth_path_, alignment_);
     }
     if (invocation.json) {
       PrintResult(result.dump(2) + "\n");
@@ -75,7 +99,9 @@ class EvaluateJob : public Job {
  private:
   std::string input_path_;
   std::string ground_truth_path_;
+  AlignmentBasis alignment_ = AlignmentBasis::kAuto;
   std::string measurements_path_;
+  ReadModelOptions read_;
 };
 
 }  // namespace

@@ -21,16 +21,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool HoldsModel(const fs::path& folder) {
-  return fs::exists(folder / "images.bin") || fs::exists(folder / "images.txt");
-}
-
 // The folder itself, or its sub-folders with models (COLMAP's mapper writes 0, 1, ...).
 std::vector<fs::path> FindModels(const fs::path& folder) {
   std::vector<fs::path> found;
-  if (!HoldsModel(folder) && fs::is_directory(folder)) {
+  if (!HoldsPoses(folder) && fs::is_directory(folder)) {
     for (const auto& entry : fs::directory_iterator(folder)) {
-      if (entry.is_directory() && HoldsModel(entry.path())) found.push_back(entry.path());
+      if (entry.is_directory() && HoldsPoses(entry.path())) found.push_back(entry.path());
     }
     std::sort(found.begin(), found.end());
   }
@@ -55,7 +51,9 @@ class EvaluatePosesJob : public Job {
     table->Field("input_path", &input_path_,
                  "Model folder, or a folder of models (0, 1, ...), of which the one with most "
                  "images counts.").Required();
-    table->Field("ground_truth_path", &ground_truth_path_, "Model folder with the true poses.")
+    table
+        ->Field("ground_truth_path", &ground_truth_path_,
+                "Model folder with the true poses (images.txt or images.bin is enough).")
         .Required();
     table->Field("thresholds_deg", &thresholds_deg_, GreaterThan(0),
                  "Thresholds of the pose AUC in degrees.");
@@ -72,15 +70,16 @@ class EvaluatePosesJob : public Job {
 
   void Run(const Invocation& invocation) override {
     if (thresholds_deg_.empty()) throw InputError("--thresholds_deg: give at least one threshold");
-    const Reconstruction truth = ReadModel(ground_truth_path_);
+    const Reconstruction truth = ReadPoses(ground_truth_path_);
     if (truth.images.size() < 2) {
       throw InputError(ground_truth_path_, "a pose comparison needs at least two true images");
     }
     std::optional<PoseErrors> errors;
     for (const fs::path& path : FindModels(input_path_)) {
-      PoseErrors candidate = ComparePoses(ReadModel(path), truth, options_);
+      PoseErrors candidate = ComparePoses(ReadPoses(path), truth, options_);
       if (!errors || candidate.registered > errors->registered) errors = std::move(candidate);
     }
+    ReportPairing(errors->pairing, ground_truth_path_);
     PrintResult(invocation.json ? Json(*errors) : Table(*errors));
   }
 
@@ -139,7 +138,9 @@ Command EvaluatePosesCommand() {
       .name = "evaluate_poses",
       .summary = "Compare the poses of a model with true ones (pose AUC)",
       .details =
-          "Images are paired by name, first whole, then by the last path component. Every pair "
+          "Images are paired by name: whole, else by the end of the path (extensions, case, '\\' "
+          "for "
+          "'/' and folders before it may differ) where that is unique. Every pair "
           "of true images counts with the larger of the errors of its relative rotation and of "
           "the direction of its relative translation; the error of a pair that the model lacks "
           "is infinite. AUC@T is the area under the recall curve from 0 to T degrees divided by "

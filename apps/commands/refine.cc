@@ -21,6 +21,7 @@
 #include "holba/pipeline/detection.h"
 #include "holba/pipeline/match_lines.h"
 #include "holba/pipeline/output.h"
+#include "holba/pipeline/photograph_folder.h"
 #include "holba/pipeline/regions.h"
 
 namespace holba {
@@ -43,6 +44,7 @@ class RefineJob : public Job {
                  "Photographs that are drawn upon, evenly spread over the model; -1: all.");
     table->Field("covariances", &covariances_,
                  "Whether covariances.txt is written (of poses, points, lines and groups).");
+    read_.Describe(table);
     detection_.Describe(table);
     matching_.Describe(table);
     regions_.Describe(table);
@@ -71,7 +73,7 @@ class RefineJob : public Job {
           "--Import.correspondences_path needs --Regions.matching warp: votes of features do not "
           "use it");
     }
-    Reconstruction model = ReadModel(input_path_);
+    Reconstruction model = ReadModel(input_path_, read_);
     if (model.images.empty() || model.points3D.empty()) {
       throw InputError(input_path_,
                        "this model has no images or no points; structure is built on poses and "
@@ -84,6 +86,7 @@ class RefineJob : public Job {
     const int num_threads = refine_.solver.num_threads;
     detection_.num_threads = matching_.num_threads = num_threads;
     HoldOpenCvThreads();
+    photographs_ = PhotographFolder(image_path_, *model);
 
     const std::filesystem::path database_path =
         database_path_.empty() ? std::filesystem::path(output_path_) / "database.db"
@@ -91,7 +94,7 @@ class RefineJob : public Job {
     Database database(database_path);
     const std::map<image_t, image_t> database_id = database.MatchImages(*model);
     std::map<image_t, ImportedSegments> imported;
-    const ImageFeatureMap features = DetectFeatures(detection_, image_path_, *model, database_id,
+    const ImageFeatureMap features = DetectFeatures(detection_, photographs_, *model, database_id,
                                                     &database, &imported, &output->detection);
     LogInfo("{}", DetectionText(output->detection, database_path));
 
@@ -123,7 +126,7 @@ class RefineJob : public Job {
     std::vector<point3D_t> made = output->refine.structure.corners.point3D_ids;
     for (const Junction& junction : output->refine.structure.junctions.junctions)
       made.push_back(junction.point3D_id);
-    ColourFeatures(image_path_, made, num_threads, model);
+    ColourFeatures(photographs_, made, num_threads, model);
     output->write_seconds = colour_timer.Seconds();
   }
 
@@ -143,7 +146,7 @@ class RefineJob : public Job {
             "written)");
       }
     }
-    WritePictures(model, image_path_, output_path_, num_pictures_, refine_.solver.num_threads);
+    WritePictures(model, photographs_, output_path_, num_pictures_, refine_.solver.num_threads);
     output->write_seconds += timer.Seconds();
   }
 
@@ -151,10 +154,12 @@ class RefineJob : public Job {
   ModelFormat format_ = ModelFormat::kBinary;
   int num_pictures_ = 4;
   bool covariances_ = false;
+  ReadModelOptions read_;
   DetectionOptions detection_;
   MatchLinesOptions matching_;
   RegionOptions regions_;
   RefineOptions refine_;
+  PhotographFolder photographs_{""};
 };
 
 }  // namespace

@@ -108,6 +108,7 @@ class TransformJob : public Job {
                  "Translation x,y,z of the similarity, in units of the output.");
     table->Field("transform_path", &transform_path_,
                  "JSON file with scale, rotation and translation, instead of these options.");
+    read_.Describe(table);
   }
 
   void Run(const Invocation& invocation) override {
@@ -118,7 +119,7 @@ class TransformJob : public Job {
     Sim3d new_from_old = transform_path_.empty()
                              ? ToSim3d(similarity_, "--scale, --rotation, --translation")
                              : ReadSimilarity(transform_path_);
-    Reconstruction model = ReadModel(input_path_);
+    Reconstruction model = ReadModel(input_path_, read_);
     if (normalize_) {
       const auto normalised_from_old = NormalisedFromWorld(model);
       if (!normalised_from_old) {
@@ -149,6 +150,7 @@ class TransformJob : public Job {
   bool normalize_ = false;
   Similarity similarity_;
   std::string transform_path_;
+  ReadModelOptions read_;
 };
 
 }  // namespace

@@ -52,15 +52,17 @@ std::optional<MovedGroup> Move(const Group3D& group, const Sim3d& new_from_old) 
 // Collects the errors of one model.
 class Comparison {
  public:
-  Comparison(const Reconstruction& model, const Reconstruction& truth, const Sim3d& sim)
-      : model_(model), truth_(truth), sim_(sim) {}
+  Comparison(const Reconstruction& model, const Reconstruction& truth, const ImagePairing& pairing,
+             const Sim3d& sim)
+      : model_(model), truth_(truth), pairing_(pairing), sim_(sim) {}
 
   GroundTruthErrors Run() {
     GroundTruthErrors errors;
-    errors.truth_from_model = sim_;
     CompareCameras(&errors);
-    CompareFeatures(&errors);
-    CompareGroups(&errors);
+    if (pairing_.features_have_same_ids) {
+      CompareFeatures(&errors);
+      CompareGroups(&errors);
+    }
     return errors;
   }
 
@@ -68,9 +70,9 @@ class Comparison {
   void CompareCameras(GroundTruthErrors* errors) const {
     std::vector<double> rotations, positions;
     for (const auto& [id, image] : truth_.images) {
-      const Image* other = model_.images.Find(id);
-      if (other == nullptr) continue;
-      const Rigid3d pose = sim_.TransformPose(other->cam_from_world);
+      const auto other = pairing_.model_id_of_truth.find(id);
+      if (other == pairing_.model_id_of_truth.end()) continue;
+      const Rigid3d pose = sim_.TransformPose(model_.images.at(other->second).cam_from_world);
       const Rigid3d error = pose * image.cam_from_world.Inverse();
       rotations.push_back(kDegPerRad * LogRotation(error.rotation).norm());
       positions.push_back((pose.OriginInA() - image.cam_from_world.OriginInA()).norm());
@@ -165,6 +167,7 @@ class Comparison {
 
   const Reconstruction& model_;
   const Reconstruction& truth_;
+  const ImagePairing& pairing_;
   const Sim3d sim_;
   std::map<std::string, std::vector<double>> group_errors_;
 };
@@ -173,14 +176,25 @@ class Comparison {
 
 GroundTruthErrors CompareToTruth(const Reconstruction& model, const Reconstruction& truth,
                                  const Sim3d& truth_from_model) {
-  return Comparison(model, truth, truth_from_model).Run();
+  GroundTruthErrors errors =
+      Comparison(model, truth, PairImages(model, truth), truth_from_model).Run();
+  errors.alignment.truth_from_model = truth_from_model;
+  return errors;
 }
 
 std::optional<GroundTruthErrors> CompareToTruth(const Reconstruction& model,
                                                 const Reconstruction& truth, AlignmentBasis basis) {
-  const auto sim = AlignReconstructions(model, truth, basis);
-  if (!sim) return std::nullopt;
-  return CompareToTruth(model, truth, *sim);
+  return CompareToTruth(model, truth, PairImages(model, truth), basis);
+}
+
+std::optional<GroundTruthErrors> CompareToTruth(const Reconstruction& model,
+                                                const Reconstruction& truth,
+                                                const ImagePairing& pairing, AlignmentBasis basis) {
+  const std::optional<Alignment> alignment = AlignReconstructions(model, truth, pairing, basis);
+  if (!alignment) return std::nullopt;
+  GroundTruthErrors errors = Comparison(model, truth, pairing, alignment->truth_from_model).Run();
+  errors.alignment = *alignment;
+  return errors;
 }
 
 std::vector<std::pair<std::string, double>> GroundTruthErrors::Named() const {

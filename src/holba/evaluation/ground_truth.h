@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Errors of a model against a true model of the same scene with the same ids, after a similarity
-// alignment of the model to the truth. Lengths are in the truth's units.
+// Errors of a model against a true model of the same scene, after a similarity alignment of the
+// model to the truth. Images are paired by name, features by their ids where these mean the same in
+// both (image_pairing.h). Lengths are in the truth's units.
 #pragma once
 
 #include <map>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "holba/evaluation/alignment.h"
+#include "holba/evaluation/image_pairing.h"
 #include "holba/evaluation/statistics.h"
 #include "holba/geometry/rigid3d.h"
 #include "holba/scene/reconstruction.h"
@@ -32,7 +34,7 @@ struct GroundTruthErrors {
   // parameters "centre" (cx cy cz), "axis_deg" (dx dy dz), "apex" (ax ay az), "radius" (r),
   // "half_angle_deg" (alpha) and "semi_axes" (sx sy sz, sorted by length).
   std::map<std::string, ErrorStats> groups;
-  Sim3d truth_from_model;  // the alignment
+  Alignment alignment;
 
   // Flat names and values of all that is present: "rotation_rms_deg", "rotation_median_deg",
   // "position_rms", "point_median", "SPHERE centre_rms", ...
@@ -44,6 +46,9 @@ struct GroundTruthErrors {
 std::optional<GroundTruthErrors> CompareToTruth(const Reconstruction& model,
                                                 const Reconstruction& truth,
                                                 AlignmentBasis basis = AlignmentBasis::kAuto);
+std::optional<GroundTruthErrors> CompareToTruth(const Reconstruction& model,
+                                                const Reconstruction& truth,
+                                                const ImagePairing& pairing, AlignmentBasis basis);
 
 // The same without an alignment of its own.
 GroundTruthErrors CompareToTruth(const Reconstruction& model, const Reconstruction& truth,

@@ -4,9 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <string>
 #include <string_view>
-#include <unordered_map>
 
 #include "holba/base/check.h"
 #include "holba/evaluation/statistics.h"
@@ -15,11 +13,6 @@
 namespace holba {
 namespace {
 
-std::string_view BaseName(std::string_view name) {
-  const size_t slash = name.rfind('/');
-  return slash == std::string_view::npos ? name : name.substr(slash + 1);
-}
-
 struct PosePair {
   std::string_view name;
   const Rigid3d* truth;
@@ -27,23 +20,14 @@ struct PosePair {
 };
 
 // True images in order of their names.
-std::vector<PosePair> PairByName(const Reconstruction& model, const Reconstruction& truth) {
-  std::unordered_map<std::string_view, const Rigid3d*> by_name, by_base_name;
-  for (const auto& [id, image] : model.images) {
-    by_name.emplace(image.name, &image.cam_from_world);
-    const auto [it, is_new] = by_base_name.emplace(BaseName(image.name), &image.cam_from_world);
-    if (!is_new) it->second = nullptr;  // ambiguous
-  }
+std::vector<PosePair> PairPoses(const Reconstruction& model, const Reconstruction& truth,
+                                const ImagePairing& pairing) {
   std::vector<PosePair> pairs;
   for (const auto& [id, image] : truth.images) {
-    const Rigid3d* pose = nullptr;
-    if (const auto it = by_name.find(image.name); it != by_name.end()) {
-      pose = it->second;
-    } else if (const auto base = by_base_name.find(BaseName(image.name));
-               base != by_base_name.end()) {
-      pose = base->second;
-    }
-    pairs.push_back({image.name, &image.cam_from_world, pose});
+    const auto found = pairing.model_id_of_truth.find(id);
+    const bool is_registered = found != pairing.model_id_of_truth.end();
+    pairs.push_back({image.name, &image.cam_from_world,
+                     is_registered ? &model.images.at(found->second).cam_from_world : nullptr});
   }
   std::sort(pairs.begin(), pairs.end(),
             [](const PosePair& a, const PosePair& b) { return a.name < b.name; });
@@ -59,8 +43,9 @@ double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 
 PoseErrors ComparePoses(const Reconstruction& model, const Reconstruction& truth,
                         const PoseErrorOptions& options) {
-  const std::vector<PosePair> images = PairByName(model, truth);
   PoseErrors errors;
+  errors.pairing = PairImages(model, truth);
+  const std::vector<PosePair> images = PairPoses(model, truth, errors.pairing);
   errors.images = images.size();
   for (const PosePair& image : images) errors.registered += image.model != nullptr;
   if (images.size() < 2) return errors;

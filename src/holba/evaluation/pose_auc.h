@@ -16,6 +16,7 @@
 #include <span>
 #include <vector>
 
+#include "holba/evaluation/image_pairing.h"
 #include "holba/scene/reconstruction.h"
 
 namespace holba {
@@ -31,9 +32,10 @@ struct PoseErrors {
   size_t registered_pairs = 0;  // finite pair errors
   // One for each pair of true images, in order of their names; infinite for lost pairs. Degrees.
   std::vector<double> rotation_deg, translation_deg, pair_deg;
+  ImagePairing pairing;
 };
 
-// Images are paired by name: first whole, then by the last path component where that is unique.
+// Images are paired by name: first whole, then by the end of the path (scene/name_pairing.h).
 PoseErrors ComparePoses(const Reconstruction& model, const Reconstruction& truth,
                         const PoseErrorOptions& options = {});
 

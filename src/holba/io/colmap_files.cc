@@ -271,8 +271,12 @@ void JoinFrame(In& in, const Reconstruction& model,
   if (!Agree(image->cam_from_world, pose)) image->cam_from_world = pose;
 }
 
+// What images may name: cameras of the model, or any, which are added.
+enum class CamerasOfImages { kOfTheModel, kAny };
+
 template <Registration kRegistration, typename In>
-void ReadImageRecords(In& in, Reconstruction* model) {
+void ReadImageRecords(In& in, Reconstruction* model,
+                      CamerasOfImages cameras = CamerasOfImages::kOfTheModel) {
   constexpr bool kHasPose = kRegistration == Registration::kRegistered;
   // As COLMAP: without any rig and frame a model is of the older form, whatever files there are.
   const bool has_frames =
@@ -284,7 +288,12 @@ void ReadImageRecords(In& in, Reconstruction* model) {
     Image image;
     if constexpr (kHasPose) image.cam_from_world = ReadPose(in, fmt::format("image {}", image_id));
     image.camera_id = in.Key32("CAMERA_ID");
-    if (!model->cameras.contains(image.camera_id)) {
+    if (cameras == CamerasOfImages::kAny) {
+      model->cameras.Add(image.camera_id, {.model = FindCameraModel("SIMPLE_PINHOLE"),
+                                           .width = 1,
+                                           .height = 1,
+                                           .params = {1, 0.5, 0.5}});
+    } else if (!model->cameras.contains(image.camera_id)) {
       in.Fail(fmt::format("image {} names camera {}, which is not in the model", image_id,
                           image.camera_id));
     }
@@ -335,10 +344,7 @@ void ReadPointRecords(In& in, Reconstruction* model) {
     point.rgb[2] = in.Byte("B");
     point.error = in.Real("ERROR");
     for (size_t list = in.List("TRACK_LENGTH", 8); in.More(&list);) {
-      ReadObservation(
-          in, *model, "3D point", "POINT2D_IDX", point3D_id,
-          [](const Image& image) -> auto& { return image.points2D; },
-          [](const Point2D& feature) { return feature.point3D_id; }, &point.track);
+      point.track.push_back(ReadObservation<PointObservation>(in, "POINT2D_IDX"));
     }
     in.EndRecord();
     if (!model->points3D.Add(point3D_id, std::move(point))) {
@@ -380,6 +386,13 @@ void ReadFrames(ModelFormat format, std::string_view bytes, const std::filesyste
 void ReadImages(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
                 Reconstruction* model) {
   WithInput(format, bytes, path, [&](auto& in) { ReadImageRecords<Registration::kRegistered>(in, model); });
+}
+
+void ReadImagePoses(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                    Reconstruction* model) {
+  WithInput(format, bytes, path, [&](auto& in) {
+    ReadImageRecords<Registration::kRegistered>(in, model, CamerasOfImages::kAny);
+  });
 }
 
 void ReadPoints3D(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,

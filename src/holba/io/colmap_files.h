@@ -3,8 +3,8 @@
 // field what COLMAP (up to 4.2) writes, except that records keep the order in which they were read.
 //
 // Readers take the bytes of a file and add its records to `model`; call them in the order below,
-// each record is checked against those read before. `path` is for messages. They throw InputError
-// with line or byte.
+// each record is checked against those read before (but for tracks: scene/one_sided_links.h).
+// `path` is for messages. They throw InputError with line or byte.
 #pragma once
 
 #include <filesystem>
@@ -28,6 +28,10 @@ void ReadFrames(ModelFormat format, std::string_view bytes, const std::filesyste
 // COLMAP does.
 void ReadImages(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
                 Reconstruction* model);
+// The same for what has no file of cameras: each camera that an image names is added, with
+// parameters that say nothing.
+void ReadImagePoses(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
+                    Reconstruction* model);
 void ReadPoints3D(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
                   Reconstruction* model);
 

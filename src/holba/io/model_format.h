@@ -57,31 +57,13 @@ void WriteVector3(Out& out, const Eigen::Vector3d& v) {
   for (int i = 0; i < 3; ++i) out.Real(v[i]);
 }
 
-// The elements (image, index) of a track, each of which must be a 2D feature of the model that
-// names `id`. `features_of(image)`: the image's 2D features; `id_of(feature)`: the 3D feature that
-// it names.
-template <typename In, typename Observation, typename Features, typename IdOf>
-void ReadObservation(In& in, const Reconstruction& model, const char* kind, const char* idx_name,
-                     uint64_t id, Features features_of, IdOf id_of,
-                     std::vector<Observation>* track) {
+// An element (image, index) of a track. Whether the 2D feature is there and names the 3D feature is
+// looked at when all files are read (scene/one_sided_links.h): a reader cannot tell which end is
+// wrong.
+template <typename Observation, typename In>
+Observation ReadObservation(In& in, const char* idx_name) {
   const image_t image_id = in.Index("IMAGE_ID");
-  const Image* image = model.images.Find(image_id);
-  if (image == nullptr) {
-    in.Fail(fmt::format("{} {} names image {}, which is not in the model", kind, id, image_id));
-  }
-  const uint32_t idx = in.Index(idx_name);
-  const auto& features = features_of(*image);
-  if (idx >= features.size()) {
-    in.Fail(fmt::format("{} {} names {} {} of image {}, expected less than {}", kind, id, idx_name,
-                        idx, image_id, features.size()));
-  }
-  const uint64_t named = id_of(features[idx]);
-  if (named != id) {
-    in.Fail(fmt::format("{} {} names {} {} of image {}, which names {}", kind, id, idx_name, idx,
-                        image_id,
-                        named == kNoId ? std::string("none") : fmt::format("{} {}", kind, named)));
-  }
-  track->push_back({image_id, idx});
+  return {image_id, in.Index(idx_name)};
 }
 
 }  // namespace holba

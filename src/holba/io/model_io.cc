@@ -3,12 +3,16 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
+#include <string>
 
 #include "holba/base/check.h"
+#include "holba/base/log.h"
 #include "holba/io/colmap_files.h"
 #include "holba/io/files.h"
 #include "holba/io/holistic_json.h"
 #include "holba/io/side_files.h"
+#include "holba/scene/one_sided_links.h"
 
 namespace holba {
 namespace fs = std::filesystem;
@@ -98,9 +102,108 @@ std::optional<ModelFormat> FindModelFormat(const fs::path& folder) {
   return std::nullopt;
 }
 
-Reconstruction ReadModel(const fs::path& folder) {
+bool HoldsPoses(const fs::path& folder) {
+  return fs::exists(folder / FileName(kImages, ModelFormat::kBinary)) ||
+         fs::exists(folder / FileName(kImages, ModelFormat::kText));
+}
+
+void ReadModelOptions::Describe(OptionTable* table) const {
+  table
+      ->Field(
+          "strict", &strict,
+          "Refuse an input that is damaged in places, with the list of them, instead of leaving "
+          "these out with a warning (links between points and images that one of the two does "
+          "not know).")
+      .Advanced();
+}
+
+namespace {
+
+void CheckFolder(const fs::path& folder) {
   if (!fs::exists(folder)) throw InputError(folder, "there is no such folder");
   if (!fs::is_directory(folder)) throw InputError(folder, "expected a model folder, found a file");
+}
+
+// Names are how photographs, databases and other models are found.
+void CheckNames(const Reconstruction& model, const fs::path& folder) {
+  std::map<std::string_view, image_t> id_of_name;
+  for (const auto* images : {&model.images, &model.unregistered_images}) {
+    for (const auto& [image_id, image] : *images) {
+      const auto [first, is_new] = id_of_name.emplace(image.name, image_id);
+      if (is_new) continue;
+      throw InputError(folder, fmt::format("images {} and {} have the same name '{}': give one of "
+                                           "them another, or remove it from the model",
+                                           first->second, image_id, image.name));
+    }
+  }
+}
+
+void MendLinks(const ReadModelOptions& options, const fs::path& folder, Reconstruction* model) {
+  const OneSidedLinks found = DropOneSidedLinks(options.strict, model);
+  if (found.empty()) return;
+  const size_t num_dropped = found.NumDropped();
+  std::string faults;
+  for (const auto& [reason, count] : found.dropped)
+    faults += fmt::format("{}{}: {}", faults.empty() ? "" : ", ", reason, count);
+  if (found.num_corrected > 0) {
+    faults += fmt::format("{}3D features that name a 2D feature by a wrong index: {}",
+                          faults.empty() ? "" : ", ", found.num_corrected);
+  }
+  const size_t num_all = num_dropped + found.num_corrected + found.num_sound;
+  if (options.strict) {
+    std::string message = fmt::format(
+        "links between features of images and 3D features that only one of the two knows: {} of {} "
+        "({}); --strict 0 leaves them out and uses the rest. They are:",
+        num_dropped + found.num_corrected, num_all, faults);
+    for (const std::string& text : found.list) message += "\n  " + text;
+    throw InputError(folder, message);
+  }
+  LogWarning(
+      "{}: left out {}{} of {} links between features of images and 3D features, as only one of "
+      "the "
+      "two knows them ({}); the rest is used, --strict 1 lists them and stops",
+      folder.string(), num_dropped,
+      found.num_corrected > 0 ? fmt::format(" and corrected {}", found.num_corrected) : "", num_all,
+      faults);
+}
+
+void ReadSideFiles(const fs::path& folder, Reconstruction* model) {
+  // First of our files: if the cameras have moved, that is to be said, not what follows from it.
+  const fs::path json = folder / kHolisticJson;
+  if (fs::exists(json))
+    CheckFrame(ParseHolisticJson(ReadFileBytes(json), json), FrameOf(*model), json);
+  for (const FileKind& kind : kSideFiles) {
+    for (const ModelFormat side_format : {ModelFormat::kBinary, ModelFormat::kText}) {
+      if (!fs::exists(folder / FileName(kind, side_format))) continue;
+      ReadFile(folder, kind, side_format, model);
+      break;
+    }
+  }
+}
+
+void ReadRigsAndFrames(const fs::path& folder, ModelFormat format, Reconstruction* model) {
+  const bool has_rigs = fs::exists(folder / FileName(kRigs, format));
+  const bool has_frames = fs::exists(folder / FileName(kFrames, format));
+  if (has_rigs != has_frames) {
+    throw InputError(folder, fmt::format("expected {} and {} both or neither, found {} only",
+                                         FileName(kRigs, format), FileName(kFrames, format),
+                                         FileName(has_rigs ? kRigs : kFrames, format)));
+  }
+  if (!has_rigs) return;
+  ReadFile(folder, kRigs, format, model);
+  ReadFile(folder, kFrames, format, model);
+}
+
+void CheckConsistency(const Reconstruction& model, const fs::path& folder) {
+  if (const std::optional<std::string> fault = model.FindInconsistency()) {
+    throw InputError(folder, "the files of this model do not fit each other: " + *fault);
+  }
+}
+
+}  // namespace
+
+Reconstruction ReadModel(const fs::path& folder, const ReadModelOptions& options) {
+  CheckFolder(folder);
   const std::optional<ModelFormat> format = FindModelFormat(folder);
   if (!format) {
     throw InputError(
@@ -110,34 +213,39 @@ Reconstruction ReadModel(const fs::path& folder) {
   }
   Reconstruction model;
   ReadFile(folder, kCameras, *format, &model);
-  const bool has_rigs = fs::exists(folder / FileName(kRigs, *format));
-  const bool has_frames = fs::exists(folder / FileName(kFrames, *format));
-  if (has_rigs != has_frames) {
-    throw InputError(folder, fmt::format("expected {} and {} both or neither, found {} only",
-                                         FileName(kRigs, *format), FileName(kFrames, *format),
-                                         FileName(has_rigs ? kRigs : kFrames, *format)));
-  }
-  if (has_rigs) {
-    ReadFile(folder, kRigs, *format, &model);
-    ReadFile(folder, kFrames, *format, &model);
-  }
+  ReadRigsAndFrames(folder, *format, &model);
   ReadFile(folder, kImages, *format, &model);
   ReadFile(folder, kPoints3D, *format, &model);
+  ReadSideFiles(folder, &model);
+  CheckNames(model, folder);
+  MendLinks(options, folder, &model);
+  CheckConsistency(model, folder);
+  return model;
+}
 
-  // First of our files: if the cameras have moved, that is to be said, not what follows from it.
-  const fs::path json = folder / kHolisticJson;
-  if (fs::exists(json))
-    CheckFrame(ParseHolisticJson(ReadFileBytes(json), json), FrameOf(model), json);
-  for (const FileKind& kind : kSideFiles) {
-    for (const ModelFormat side_format : {ModelFormat::kBinary, ModelFormat::kText}) {
-      if (!fs::exists(folder / FileName(kind, side_format))) continue;
-      ReadFile(folder, kind, side_format, &model);
-      break;
-    }
+Reconstruction ReadPoses(const fs::path& folder) {
+  CheckFolder(folder);
+  if (FindModelFormat(folder)) return ReadModel(folder);
+  if (!HoldsPoses(folder)) {
+    throw InputError(
+        folder, "expected the poses of a COLMAP model in this folder: images.bin or images.txt");
   }
-  if (const std::optional<std::string> fault = model.FindInconsistency()) {
-    throw InputError(folder, "the files of this model do not fit each other: " + *fault);
+  const ModelFormat format = fs::exists(folder / FileName(kImages, ModelFormat::kBinary))
+                                 ? ModelFormat::kBinary
+                                 : ModelFormat::kText;
+  Reconstruction model;
+  if (fs::exists(folder / FileName(kCameras, format))) {
+    ReadFile(folder, kCameras, format, &model);
+    ReadRigsAndFrames(folder, format, &model);
+    ReadFile(folder, kImages, format, &model);
+  } else {
+    // The file of images has every pose, also with rigs and frames, which need the cameras.
+    const fs::path path = folder / FileName(kImages, format);
+    ReadImagePoses(format, ReadFileBytes(path), path, &model);
   }
+  CheckNames(model, folder);
+  DropOneSidedLinks(false, &model);  // there are no points to name
+  CheckConsistency(model, folder);
   return model;
 }
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "holba/base/options.h"
 #include "holba/io/model_format.h"
 #include "holba/scene/reconstruction.h"
 
@@ -14,10 +15,24 @@ namespace holba {
 // binary. Empty: neither format is complete, the folder is no model.
 std::optional<ModelFormat> FindModelFormat(const std::filesystem::path& folder);
 
+// Whether a folder has a file of images, which is all that ReadPoses needs.
+bool HoldsPoses(const std::filesystem::path& folder);
+
+struct ReadModelOptions {
+  bool strict = false;
+
+  void Describe(OptionTable* table) const;
+};
+
 // Binary first, as COLMAP does; of our files each that is there, binary first. The model is
-// consistent. Throws InputError with file and place, also if the poses are not those that our files
-// belong to.
-Reconstruction ReadModel(const std::filesystem::path& folder);
+// consistent: links between 2D and 3D features that one end only knows are dropped with one warning
+// (strict: refused with the list of them). Throws InputError with file and place, also if two
+// images have one name, or if the poses are not those that our files belong to.
+Reconstruction ReadModel(const std::filesystem::path& folder, const ReadModelOptions& options = {});
+
+// The model, or what there is of one: of a folder without points3D the poses and what the images
+// see, without cameras also those by their ids alone. For what asks for poses only.
+Reconstruction ReadPoses(const std::filesystem::path& folder);
 
 // Creates the folder with its parents. Either what was there or the whole new model is there, never
 // a mix; model files of the other format are removed, files that are no model files stay. Our files

@@ -202,14 +202,80 @@ TEST(ModelIo, WhatIsNoModelIsRefused) {
 TEST(ModelIo, FilesThatDoNotFitEachOtherNameTheFolder) {
   const TestFolder folder;
   WriteSmallModel(folder / "m");
+  WriteBytes(folder / "m" / "wireframe.txt", "1 1 2\n1 1 2\n");
+  EXPECT_EQ(
+      MessageOfReading(folder / "m"),
+      (folder / "m").string() +
+          ": the files of this model do not fit each other: the wireframe has point 1 on line "
+          "1 twice");
+}
+
+TEST(ModelIo, LinksThatOneEndOnlyKnowsAreLeftOutOrListed) {
+  const TestFolder folder;
+  WriteSmallModel(folder / "m");
+  // Point 2, which two images see, was deleted.
   WriteBytes(folder / "m" / "points3D.txt", "1 0 0 0 10 20 30 0.5 1 0 2 0\n");
   for (const char* name : {"groups3D", "groups2D", "wireframe", "relations"}) {
     fs::remove(folder / "m" / (std::string(name) + ".txt"));
   }
-  EXPECT_EQ(MessageOfReading(folder / "m"),
-            (folder / "m").string() +
-                ": the files of this model do not fit each other: point 1 of image 1 "
-                "names 3D point 2, which does not exist");
+  const Reconstruction model = ReadModel(folder / "m");
+  EXPECT_EQ(model.points3D.size(), 1u);
+  EXPECT_EQ(model.points3D.at(1).track.size(), 2u);
+  EXPECT_EQ(model.images.at(1).points2D.size(), 3u);
+  EXPECT_EQ(model.images.at(1).points2D[1].point3D_id, kNoId);
+  try {
+    ReadModel(folder / "m", {.strict = true});
+    FAIL() << "a damaged model was accepted";
+  } catch (const InputError& error) {
+    EXPECT_EQ(
+        error.what(),
+        (folder / "m").string() +
+            ": links between features of images and 3D features that only one of the two "
+            "knows: 2 of 6 (2D features that name a missing 3D feature: 2); --strict 0 leaves "
+            "them out and uses the rest. They are:\n"
+            "  point 1 of image 1 names 3D point 2, which does not exist\n"
+            "  point 1 of image 2 names 3D point 2, which does not exist");
+  }
+}
+
+TEST(ModelIo, TwoImagesOfOneNameAreRefusedWithTheirIds) {
+  const TestFolder folder;
+  Files files = SmallModelText();
+  std::string& images = files.at("images");
+  images.replace(images.find("right.jpg"), 9, "c.jpg");
+  WriteSmallModel(folder / "m");
+  WriteBytes(folder / "m" / "images.txt", images);
+  EXPECT_EQ(
+      MessageOfReading(folder / "m"),
+      (folder / "m").string() +
+          ": images 2 and 3 have the same name 'c.jpg': give one of them another, or remove it "
+          "from the model");
+}
+
+TEST(ModelIo, PosesAreReadWithoutPointsAndWithoutCameras) {
+  const TestFolder folder;
+  WriteSmallModel(folder / "m");
+  const Reconstruction whole = ReadModel(folder / "m");
+  const auto expect_poses = [&](const Reconstruction& poses) {
+    ASSERT_EQ(poses.images.size(), whole.images.size());
+    for (const auto& [image_id, image] : whole.images) {
+      const Image& other = poses.images.at(image_id);
+      EXPECT_EQ(other.name, image.name);
+      EXPECT_EQ(other.cam_from_world.translation, image.cam_from_world.translation);
+    }
+    EXPECT_EQ(poses.FindInconsistency(), std::nullopt);
+  };
+  EXPECT_EQ(Fingerprint(ReadPoses(folder / "m")), Fingerprint(whole));
+  fs::remove(folder / "m" / "points3D.txt");
+  EXPECT_TRUE(HoldsPoses(folder / "m"));
+  expect_poses(ReadPoses(folder / "m"));
+  EXPECT_TRUE(ReadPoses(folder / "m").has_rig_files);
+  for (const char* name : {"cameras", "rigs", "frames"})
+    fs::remove(folder / "m" / (std::string(name) + ".txt"));
+  expect_poses(ReadPoses(folder / "m"));
+  fs::remove(folder / "m" / "images.txt");
+  EXPECT_FALSE(HoldsPoses(folder / "m"));
+  EXPECT_THROW(ReadPoses(folder / "m"), InputError);
 }
 
 TEST(HolisticJson, PosesThatMovedByMoreThanAPercentOfTheSpreadAreRefused) {

@@ -93,10 +93,7 @@ void ReadLine3DRecords(In& in, Reconstruction* model) {
     line.rgb[2] = in.Byte("B");
     line.error = in.Real("ERROR");
     for (size_t list = in.List("TRACK_LENGTH", 8); in.More(&list);) {
-      ReadObservation(
-          in, *model, "3D line", "LINE2D_IDX", line3D_id,
-          [](const Image& image) -> auto& { return image.lines2D; },
-          [](const Line2D& feature) { return feature.line3D_id; }, &line.track);
+      line.track.push_back(ReadObservation<LineObservation>(in, "LINE2D_IDX"));
     }
     in.EndRecord();
     if (const Fault fault = FindFault(line)) {
@@ -201,16 +198,15 @@ void ReadGroup3DRecords(In& in, Reconstruction* model) {
     group.point3D_ids = ReadIds(in, "NUM_POINTS", "POINT3D_ID", model->points3D);
     group.line3D_ids = ReadIds(in, "NUM_LINES", "LINE3D_ID", model->lines3D);
     for (size_t left = in.Count("NUM_OBS", 8); left > 0; --left) {
-      ReadObservation(
-          in, *model, "3D group", "GROUP2D_IDX", group3D_id,
-          [](const Image& image) -> auto& { return image.groups2D; },
-          [](const Group2D& feature) { return feature.group3D_id; }, &group.observations);
-      const GroupObservation& added = group.observations.back();
-      const GroupType* type = model->images.at(added.image_id).groups2D[added.group2D_idx].type;
-      if (type != group.type) {
+      const auto added = ReadObservation<GroupObservation>(in, "GROUP2D_IDX");
+      group.observations.push_back(added);
+      const Image* image = model->images.Find(added.image_id);
+      if (image == nullptr || added.group2D_idx >= image->groups2D.size()) continue;
+      const Group2D& observed = image->groups2D[added.group2D_idx];
+      if (observed.group3D_id == group3D_id && observed.type != group.type) {
         in.Fail(fmt::format("group {} is a {}, but its observation, group {} of image {}, is a {}",
                             group3D_id, group.type->name, added.group2D_idx, added.image_id,
-                            type->name));
+                            observed.type->name));
       }
     }
     in.EndRecord();

@@ -45,7 +45,7 @@ struct ImageColours {
 
 }  // namespace
 
-void ColourFeatures(const std::filesystem::path& image_path, std::span<const point3D_t> point3D_ids,
+void ColourFeatures(const PhotographFolder& image_path, std::span<const point3D_t> point3D_ids,
                     int num_threads, Reconstruction* model) {
   std::vector<point3D_t> wanted(point3D_ids.begin(), point3D_ids.end());
   std::sort(wanted.begin(), wanted.end());

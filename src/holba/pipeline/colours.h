@@ -2,16 +2,16 @@
 // Colours of features from the photographs that show them, as COLMAP gives them to points.
 #pragma once
 
-#include <filesystem>
 #include <span>
 
+#include "holba/pipeline/photograph_folder.h"
 #include "holba/scene/reconstruction.h"
 
 namespace holba {
 
 // Mean colour over the images of the track: of these points at their pixels, of all lines along
 // their segments.
-void ColourFeatures(const std::filesystem::path& image_path, std::span<const point3D_t> point3D_ids,
+void ColourFeatures(const PhotographFolder& image_path, std::span<const point3D_t> point3D_ids,
                     int num_threads, Reconstruction* model);
 
 }  // namespace holba

@@ -169,7 +169,7 @@ void DetectionOptions::Describe(OptionTable* table) const {
   vps.Describe(table);
 }
 
-ImageFeatureMap DetectFeatures(const DetectionOptions& options, const fs::path& image_path,
+ImageFeatureMap DetectFeatures(const DetectionOptions& options, const PhotographFolder& image_path,
                                const Reconstruction& model,
                                const std::map<image_t, image_t>& database_id, Database* database,
                                std::map<image_t, ImportedSegments>* imported,

@@ -12,6 +12,7 @@
 #include "holba/frontend/importers/import_dense_maps.h"
 #include "holba/frontend/importers/import_segments.h"
 #include "holba/io/database.h"
+#include "holba/pipeline/photograph_folder.h"
 #include "holba/scene/image_features.h"
 #include "holba/scene/reconstruction.h"
 
@@ -52,8 +53,8 @@ struct DetectionReport {
 
 // Features of every image of the model. `database_id`: Database::MatchImages. `imported`: the
 // segments of other programs, where there are such.
-ImageFeatureMap DetectFeatures(const DetectionOptions& options,
-                               const std::filesystem::path& image_path, const Reconstruction& model,
+ImageFeatureMap DetectFeatures(const DetectionOptions& options, const PhotographFolder& image_path,
+                               const Reconstruction& model,
                                const std::map<image_t, image_t>& database_id, Database* database,
                                std::map<image_t, ImportedSegments>* imported,
                                DetectionReport* report);

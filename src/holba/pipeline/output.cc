@@ -43,8 +43,8 @@ void WriteStructurePly(const Reconstruction& model, const fs::path& folder) {
   WritePly(model, folder / "points.ply", {.points = true, .lines = false, .groups = false});
 }
 
-void WritePictures(const Reconstruction& model, const fs::path& image_path, const fs::path& folder,
-                   int num_pictures, int num_threads) {
+void WritePictures(const Reconstruction& model, const PhotographFolder& image_path,
+                   const fs::path& folder, int num_pictures, int num_threads) {
   const size_t num_images = model.images.size();
   const size_t count =
       num_pictures < 0 ? num_images : std::min(num_images, static_cast<size_t>(num_pictures));

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 
+#include "holba/pipeline/photograph_folder.h"
 #include "holba/scene/reconstruction.h"
 
 namespace holba {
@@ -14,7 +15,7 @@ void WriteStructurePly(const Reconstruction& model, const std::filesystem::path&
 // FOLDER/pictures: for `num_pictures` images spread evenly over the model (-1: all) the photograph
 // with its segments by vanishing point, its groups, its junctions; and the scene from above.
 // Pictures of an earlier run are replaced as a whole.
-void WritePictures(const Reconstruction& model, const std::filesystem::path& image_path,
+void WritePictures(const Reconstruction& model, const PhotographFolder& image_path,
                    const std::filesystem::path& folder, int num_pictures, int num_threads);
 
 }  // namespace holba

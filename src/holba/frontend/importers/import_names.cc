@@ -8,13 +8,6 @@
 
 namespace holba {
 
-std::string_view WithoutExtension(std::string_view name) {
-  const size_t dot = name.rfind('.');
-  const size_t slash = name.rfind('/');
-  const size_t first = slash == std::string_view::npos ? 0 : slash + 1;
-  return dot == std::string_view::npos || dot <= first ? name : name.substr(0, dot);
-}
-
 ImageNames::ImageNames(const Reconstruction& model) {
   for (const auto& [image_id, image] : model.images) {
     if (!by_name_.emplace(image.name, image_id).second) {

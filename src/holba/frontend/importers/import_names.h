@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "holba/scene/name_pairing.h"
 #include "holba/scene/reconstruction.h"
 
 namespace holba {
@@ -39,8 +40,5 @@ class ImageNames {
   std::set<image_t> ids_;
   std::string example_;
 };
-
-// "folder/image.jpg" -> "folder/image"; what has no extension is returned as it is.
-std::string_view WithoutExtension(std::string_view name);
 
 }  // namespace holba
