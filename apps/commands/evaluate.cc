@@ -39,6 +39,8 @@ class EvaluateJob : public Job {
                  "Text file of directions of groups measured in images, as for adjust.");
   }
 
+  void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
+
   void Run(const Invocation& invocation) override {
     const bool is_bal = std::filesystem::is_regular_file(input_path_);
     const Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_);

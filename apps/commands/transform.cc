@@ -137,6 +137,11 @@ class TransformJob : public Job {
                  "JSON file with scale, rotation and translation, instead of these options.");
   }
 
+  void ProbeOutputs(const Invocation& invocation) const override {
+    ProbeModelFolder(output_path_);
+    if (invocation.json) ProbeResult();
+  }
+
   void Run(const Invocation& invocation) override {
     const bool has_options = similarity_ != Similarity{};
     if (has_options && !transform_path_.empty()) {

@@ -316,6 +316,73 @@ class Interrupted(Case):
         self.assertGreater(killed, 0)
 
 
+    def test_killed_at_any_time_it_leaves_the_old_output_or_a_whole_new_one_and_the_next_cleans_up(self):
+        def rest(folder: pathlib.Path) -> dict[str, bytes]:
+            """All but the database, which SQLite keeps whole by a journal beside it."""
+            return {name: data for name, data in tree(folder).items() if not name.startswith("database.db")}
+
+        options = {"num_pictures": -1, "output_type": "bin"}
+        covariances = ("--covariances", 1)
+        self.refine("old", "--covariances", 1, "--Lines.min_images", 4, num_pictures=1)
+        self.refine("new", *covariances, **options)
+        for folder in ("old", "new"):
+            (self.folder / folder / "mine").mkdir()
+            (self.folder / folder / "mine" / "note").write_text("not of holba")
+        old, new = (rest(self.folder / name) for name in ("old", "new"))
+        self.assertNotEqual(old.keys(), new.keys())
+
+        def start(output: pathlib.Path) -> subprocess.Popen:
+            return subprocess.Popen(self.words(output, *covariances, **options), stdout=subprocess.DEVNULL,
+                                    stderr=subprocess.PIPE)
+
+        def wait_for_stage(process: subprocess.Popen, folder: pathlib.Path):
+            while process.poll() is None and not any(".output.holba-" in name for name in os.listdir(folder)):
+                time.sleep(0.0002)
+
+        def prepare(name: str) -> pathlib.Path:
+            shutil.copytree(self.folder / "old", self.folder / name / "output")
+            return self.folder / name / "output"
+
+        output = prepare("timed")
+        begin = time.monotonic()
+        process = start(output)
+        wait_for_stage(process, output.parent)
+        until_stage = time.monotonic() - begin
+        process.communicate(timeout=60)
+        writing = time.monotonic() - begin - until_stage
+        self.assertEqual(rest(output), new)
+
+        random = np.random.default_rng(7)
+        num_kills = int(os.environ.get("HOLBA_NUM_KILLS", 6))
+        counts = dict.fromkeys(("killed", "left old", "left new", "left a stage"), 0)
+        for kill in range(num_kills):
+            output = prepare(f"work{kill}")
+            process = start(output)
+            # Three of four while it writes, the others while it computes.
+            if kill % 4:
+                wait_for_stage(process, output.parent)
+                time.sleep(random.uniform(0, 1.1 * writing))
+            else:
+                time.sleep(random.uniform(0, until_stage))
+            process.kill()
+            process.communicate(timeout=60)
+            self.assertIn(process.returncode, (0, -signal.SIGKILL))
+            left = rest(output)
+            self.assertIn(left, (old, new), kill)
+            counts["killed"] += process.returncode == -signal.SIGKILL
+            counts["left old"] += left == old
+            counts["left new"] += left == new
+            counts["left a stage"] += len(os.listdir(output.parent)) > 1
+            process = start(output)
+            self.assertEqual((process.communicate(timeout=120)[1], process.returncode)[1], 0)
+            self.assertEqual(rest(output), new, kill)
+            self.assertEqual([p.name for p in output.iterdir() if p.name.startswith((".", "database.db-"))], [])
+            self.assertEqual(os.listdir(output.parent), ["output"])
+            shutil.rmtree(output.parent)
+        print(f"refine, {num_kills} runs: {counts}")
+        self.assertGreater(counts["killed"], 0)
+
+
 class Errors(Case):
     def copy(self, what: str) -> pathlib.Path:
         shutil.copytree(SCENE / what, self.folder / what)

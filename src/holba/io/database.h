@@ -54,6 +54,9 @@ struct ImageVanishingPoints {
 // A camera in words, for the settings of what depends on it.
 std::string ToString(const Camera& camera);
 
+// Whether a Database could be opened at `path` and written to; makes none. Throws InputError.
+void ProbeDatabase(const std::filesystem::path& path);
+
 class Database {
  public:
   // Opens a database, or makes a new one with its parent folders.

@@ -59,16 +59,6 @@ std::string FileName(const FileKind& kind, ModelFormat format) {
   return std::string(kind.name) + Extension(format);
 }
 
-bool IsModelFile(std::string_view name) {
-  if (name == kHolisticJson) return true;
-  const auto is = [&](const FileKind& kind) {
-    return name == FileName(kind, ModelFormat::kText) ||
-           name == FileName(kind, ModelFormat::kBinary);
-  };
-  return is(kCameras) || is(kRigs) || is(kFrames) || is(kImages) || is(kPoints3D) ||
-         std::any_of(kSideFiles.begin(), kSideFiles.end(), is);
-}
-
 void ReadFile(const fs::path& folder, const FileKind& kind, ModelFormat format,
               Reconstruction* model) {
   const fs::path path = folder / FileName(kind, format);
@@ -86,6 +76,16 @@ bool IsHolistic(const Reconstruction& model) {
 }
 
 }  // namespace
+
+bool IsModelFile(std::string_view name) {
+  if (name == kHolisticJson) return true;
+  const auto is = [&](const FileKind& kind) {
+    return name == FileName(kind, ModelFormat::kText) ||
+           name == FileName(kind, ModelFormat::kBinary);
+  };
+  return is(kCameras) || is(kRigs) || is(kFrames) || is(kImages) || is(kPoints3D) ||
+         std::any_of(kSideFiles.begin(), kSideFiles.end(), is);
+}
 
 std::optional<ModelFormat> FindModelFormat(const fs::path& folder) {
   for (const ModelFormat format : {ModelFormat::kBinary, ModelFormat::kText}) {
@@ -141,13 +141,13 @@ Reconstruction ReadModel(const fs::path& folder) {
   return model;
 }
 
-void WriteModel(const Reconstruction& model, const fs::path& folder, ModelFormat format) {
+void StageModel(const Reconstruction& model, ModelFormat format, const std::string& prefix,
+                StagedFolder* stage) {
   const std::optional<std::string> fault = model.FindInconsistency();
   HOLBA_CHECK_MSG(!fault, "a model that is to be written is inconsistent: " + *fault);
-  StagedFolder stage(folder);
   const auto write = [&](const FileKind& kind) {
-    stage.Write(FileName(kind, format),
-                [&](std::ostream* stream) { kind.write(format, model, stream); });
+    stage->Write(prefix + FileName(kind, format),
+                 [&](std::ostream* stream) { kind.write(format, model, stream); });
   };
   write(kCameras);
   if (model.has_rig_files) {
@@ -161,10 +161,17 @@ void WriteModel(const Reconstruction& model, const fs::path& folder, ModelFormat
     if (kind.is_needed != nullptr ? kind.is_needed(model) : is_holistic) write(kind);
   }
   if (is_holistic) {
-    stage.Write(kHolisticJson,
-                [&](std::ostream* stream) { *stream << HolisticJson(FrameOf(model)); });
+    stage->Write(prefix + kHolisticJson,
+                 [&](std::ostream* stream) { *stream << HolisticJson(FrameOf(model)); });
   }
+}
+
+void WriteModel(const Reconstruction& model, const fs::path& folder, ModelFormat format) {
+  StagedFolder stage(folder);
+  StageModel(model, format, "", &stage);
   stage.Commit(IsModelFile);
 }
+
+void ProbeModelFolder(const fs::path& folder) { ProbeFolder(folder, IsModelFile); }
 
 }  // namespace holba
