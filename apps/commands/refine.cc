@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -45,6 +46,10 @@ class RefineJob : public Job {
                  "Photographs that are drawn upon, evenly spread over the model; -1: all.");
     table->Field("covariances", &covariances_,
                  "Whether covariances.txt is written (of poses, points, lines and groups).");
+    table->Field(
+        "strict", &detection_.strict,
+        "Stop at a photograph that is missing, cannot be read or has another size than its "
+        "camera, instead of leaving it out with a warning.");
     detection_.Describe(table);
     matching_.Describe(table);
     regions_.Describe(table);
@@ -81,11 +86,18 @@ class RefineJob : public Job {
                                   : std::filesystem::path(database_path_);
   }
 
+  static std::set<image_t> WithoutPhotograph(const RefineOutput& output) {
+    std::set<image_t> images;
+    for (const LeftOutPhotograph& photograph : output.detection.left_out)
+      images.insert(photograph.image_id);
+    return images;
+  }
+
   // Throws InputError for what cannot be refined, before anything is computed or written.
   Reconstruction Read() const {
     if (!std::filesystem::is_directory(image_path_))
       throw InputError(image_path_, "there is no such folder (--image_path)");
-    detection_.imports.Check();
+    detection_.Check();
     if (!detection_.imports.correspondences.empty() && regions_.matching != RegionMatching::kWarp) {
       throw InputError(
           "--Import.correspondences_path needs --Regions.matching warp: votes of features do not "
@@ -107,6 +119,7 @@ class RefineJob : public Job {
 
     const std::filesystem::path database_path = DatabasePath();
     Database database(database_path);
+    CheckDatabase(database, image_path_, *model);
     const std::map<image_t, image_t> database_id = database.MatchImages(*model);
     std::map<image_t, ImportedSegments> imported;
     const ImageFeatureMap features = DetectFeatures(detection_, image_path_, *model, database_id,
@@ -141,7 +154,7 @@ class RefineJob : public Job {
     std::vector<point3D_t> made = output->refine.structure.corners.point3D_ids;
     for (const Junction& junction : output->refine.structure.junctions.junctions)
       made.push_back(junction.point3D_id);
-    ColourFeatures(image_path_, made, num_threads, model);
+    ColourFeatures(image_path_, made, num_threads, model, WithoutPhotograph(*output));
     output->write_seconds = colour_timer.Seconds();
   }
 
@@ -164,7 +177,8 @@ class RefineJob : public Job {
             "written)");
       }
     }
-    StagePictures(model, image_path_, num_pictures_, refine_.solver.num_threads, &stage);
+    StagePictures(model, image_path_, WithoutPhotograph(*output), num_pictures_,
+                  refine_.solver.num_threads, &stage);
     stage.Commit([](std::string_view name) { return IsFile(name) || IsPictureFolder(name); });
     output->write_seconds += timer.Seconds();
   }

@@ -334,6 +334,18 @@ class Convert(Case):
                        "--quiet")
         self.assertEqual((result.returncode, result.stdout, result.stderr), (0, "", ""))
 
+    def test_names_that_colmap_cuts_in_text_are_warned_of(self):
+        images = (self.model / "images.txt").read_text()
+        words = ("convert", "--input_path", self.model, "--output_path", self.folder / "out")
+        self.assertIn("sub folder/second.jpg", images)
+        result = holba(*words, "--output_type", "txt")
+        self.assertEqual(result.returncode, 0)
+        self.assertIn("'sub folder/second.jpg'", result.stderr)
+        self.assertIn("--output_type bin", result.stderr)
+        self.assertNotIn("blanks", holba(*words, "--output_type", "bin").stderr)
+        (self.model / "images.txt").write_text(images.replace("sub folder/", ""))
+        self.assertNotIn("blanks", holba(*words, "--output_type", "txt").stderr)
+
     def test_the_output_may_be_the_input(self):
         before = {name: records(self.model / f"{name}.txt") for name in SMALL_MODEL}
         self.succeeds("convert", "--input_path", self.model, "--output_path", self.model,

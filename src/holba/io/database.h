@@ -115,6 +115,8 @@ class Database {
   // replaces what was there, with whatever settings.
   std::optional<std::vector<LineSegment2d>> ReadSegments(image_t image_id,
                                                          const std::string& settings) const;
+  // Those of the stored segments; empty: there are none.
+  std::optional<std::string> ReadSegmentSettings(image_t image_id) const;
   // What belongs to the old segments (descriptors, vanishing points, line matches) is removed.
   void WriteSegments(image_t image_id, const std::string& settings,
                      const std::vector<LineSegment2d>& segments);

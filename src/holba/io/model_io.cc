@@ -5,6 +5,7 @@
 #include <array>
 
 #include "holba/base/check.h"
+#include "holba/base/log.h"
 #include "holba/io/colmap_files.h"
 #include "holba/io/files.h"
 #include "holba/io/holistic_json.h"
@@ -57,6 +58,21 @@ constexpr std::array<FileKind, 9> kSideFiles{{{"unregistered_frames", ReadUnregi
 
 std::string FileName(const FileKind& kind, ModelFormat format) {
   return std::string(kind.name) + Extension(format);
+}
+
+// COLMAP's reader of text takes an image's name to its first blank; its writer and ours do not.
+void WarnOfBlanks(const Reconstruction& model) {
+  size_t count = 0;
+  const std::string* example = nullptr;
+  for (const auto& [image_id, image] : model.images) {
+    if (image.name.find_first_of(" \t") == std::string::npos) continue;
+    if (count++ == 0) example = &image.name;
+  }
+  if (count == 0) return;
+  LogWarning(
+      "The names of {} images have blanks ('{}'), at which COLMAP's reader of text cuts them; for "
+      "COLMAP write the model as binary (--output_type bin), or rename the images",
+      count, *example);
 }
 
 void ReadFile(const fs::path& folder, const FileKind& kind, ModelFormat format,
@@ -155,6 +171,7 @@ void StageModel(const Reconstruction& model, ModelFormat format, const std::stri
     write(kFrames);
   }
   write(kImages);
+  if (format == ModelFormat::kText) WarnOfBlanks(model);
   write(kPoints3D);
   const bool is_holistic = IsHolistic(model);
   for (const FileKind& kind : kSideFiles) {

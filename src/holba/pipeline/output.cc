@@ -49,9 +49,14 @@ void StageStructurePly(const Reconstruction& model, StagedFolder* stage) {
   write(kPointsPly, {.points = true, .lines = false, .groups = false});
 }
 
-void StagePictures(const Reconstruction& model, const fs::path& image_path, int num_pictures,
-                   int num_threads, StagedFolder* stage) {
-  const size_t num_images = model.images.size();
+void StagePictures(const Reconstruction& model, const fs::path& image_path,
+                   const std::set<image_t>& without_photograph, int num_pictures, int num_threads,
+                   StagedFolder* stage) {
+  std::vector<size_t> shown;  // indices of images
+  for (size_t i = 0; i < model.images.size(); ++i) {
+    if (!without_photograph.contains((model.images.begin() + i)->first)) shown.push_back(i);
+  }
+  const size_t num_images = shown.size();
   const size_t count =
       num_pictures < 0 ? num_images : std::min(num_images, static_cast<size_t>(num_pictures));
   const fs::path folder = stage->path() / kPictures;
@@ -62,7 +67,7 @@ void StagePictures(const Reconstruction& model, const fs::path& image_path, int 
       WriteImage(DrawTopView(model, kTopViewPx), folder / "top_view.png");
       return;
     }
-    const size_t image_idx = i * num_images / count;
+    const size_t image_idx = shown[i * num_images / count];
     const auto& [image_id, image] = *(model.images.begin() + image_idx);
     const ColourImage photograph = ReadColourImage(image_path / image.name);
     const std::string& stem = stems[image_idx];

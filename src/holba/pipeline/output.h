@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <set>
 #include <string_view>
 
 #include "holba/io/files.h"
@@ -15,8 +16,10 @@ void StageStructurePly(const Reconstruction& model, StagedFolder* stage);
 
 // pictures/: for `num_pictures` images spread evenly over the model (-1: all) the photograph
 // with its segments by vanishing point, its groups, its junctions; and the scene from above.
+// `without_photograph`: images that are passed over.
 void StagePictures(const Reconstruction& model, const std::filesystem::path& image_path,
-                   int num_pictures, int num_threads, StagedFolder* stage);
+                   const std::set<image_t>& without_photograph, int num_pictures, int num_threads,
+                   StagedFolder* stage);
 
 // The names of these, for the stage's Commit: pictures of an earlier run are replaced as a whole.
 // (Until 0.1 they were prepared in a folder .pictures.new, which a killed run left.)
