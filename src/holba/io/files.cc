@@ -345,11 +345,13 @@ void ReplaceOneByOne(const fs::path& stage, const fs::path& target, const fs::pa
   }
   for (const fs::path& name : fresh) {
     const fs::path from = stage / folder / name, to = target / folder / name;
-    if (fs::is_directory(from) && fs::is_directory(to)) {
-      if (!owned((folder / name).generic_string())) {
-        ReplaceOneByOne(stage, target, folder / name, owned);
-        continue;
-      }
+    const bool from_is_folder = fs::is_directory(from), to_is_folder = fs::is_directory(to);
+    if (from_is_folder && to_is_folder && !owned((folder / name).generic_string())) {
+      ReplaceOneByOne(stage, target, folder / name, owned);
+      continue;
+    }
+    // A rename does not replace a folder, nor anything by one.
+    if (fs::exists(to) && (from_is_folder || to_is_folder)) {
       if (Exchange(from, to)) continue;
       fs::remove_all(to, error);
     }

@@ -96,6 +96,12 @@ TEST_F(Files, AFolderThatShouldNotBeMovedIsWrittenInPlace) {
   EXPECT_THAT(List("out"), ElementsAre("a", "ours", "pipe", "truth"));
   EXPECT_THAT(List("out/truth"), ElementsAre("mine", "t"));
   EXPECT_THAT(List(), ElementsAre("out"));
+  // A file is where a folder of ours goes.
+  fs::remove_all(folder_ / "out/ours");
+  Make("out/ours");
+  WriteVersion("newer");
+  EXPECT_EQ(inode(), before);
+  ExpectVersion("newer");
 }
 
 TEST_F(Files, WhatAKilledProgramLeftIsRemovedButNotWhatALivingOneWorksOn) {
