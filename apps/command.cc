@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apps/command.h"
 
+#include <unistd.h>
+
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -29,11 +31,22 @@ const Command* FindCommand(std::string_view name) {
   return nullptr;
 }
 
+namespace {
+
+[[noreturn]] void FailResult() {
+  throw InputError(std::string("cannot write the result to standard output: ") +
+                   std::strerror(errno));
+}
+
+}  // namespace
+
 void PrintResult(std::string_view text) {
-  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0) {
-    throw InputError(std::string("cannot write the result to standard output: ") +
-                     std::strerror(errno));
-  }
+  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
+    FailResult();
+}
+
+void ProbeResult() {
+  if (write(STDOUT_FILENO, "", 0) < 0) FailResult();
 }
 
 }  // namespace holba

@@ -29,6 +29,10 @@ class Job {
   // Declares the options; their defaults are the values that the members have now. What
   // OptionTable::Bind calls for a table that sets them.
   virtual void Describe(OptionTable* table) const = 0;
+  // Tries whatever Run will write to (ProbeModelFolder, ProbeFile, ProbeResult, ...), so that hours
+  // of work do not end at a folder that cannot be written. Leaves nothing behind. Throws
+  // InputError.
+  virtual void ProbeOutputs(const Invocation& invocation) const = 0;
   // Read, do, write. Returns only if the job was done; a bad file or option is an InputError.
   virtual void Run(const Invocation& invocation) = 0;
 };
@@ -48,5 +52,7 @@ const Command* FindCommand(std::string_view name);
 
 // Results go to stdout (messages to stderr, base/log.h). Throws InputError if stdout takes no more.
 void PrintResult(std::string_view text);
+// The same of a stdout that is closed or full now.
+void ProbeResult();
 
 }  // namespace holba

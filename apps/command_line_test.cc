@@ -42,6 +42,7 @@ struct Values {
 class ValuesJob : public Job {
  public:
   void Describe(OptionTable* table) const override { values_.Describe(table); }
+  void ProbeOutputs(const Invocation&) const override {}
   void Run(const Invocation&) override {}
 
  private:

@@ -64,7 +64,9 @@ void RunCommand(const Command& command, const std::vector<std::string>& argument
   if (common.help != HelpForm::kNone) return PrintResult(CommandHelp(command, common.help));
   SetLogLevel(common.quiet ? std::max(LogLevel::kError, common.log_level) : common.log_level);
   if (const char* core = std::getenv("OPENBLAS_CORETYPE")) LogDebug("OPENBLAS_CORETYPE={}", core);
-  job->Run({.json = common.json, .quiet = common.quiet});
+  const Invocation invocation{.json = common.json, .quiet = common.quiet};
+  job->ProbeOutputs(invocation);
+  job->Run(invocation);
 }
 
 std::string UnknownCommand(const std::string& name) {

@@ -8,6 +8,7 @@
 #include "holba/base/log.h"
 #include "holba/bundle/adjust_bundle.h"
 #include "holba/io/bal.h"
+#include "holba/io/files.h"
 #include "holba/io/model_io.h"
 
 namespace holba {
@@ -31,8 +32,17 @@ class AdjustJob : public Job {
     solver_.Describe(table);
   }
 
+  void ProbeOutputs(const Invocation&) const override {
+    if (IsBal()) {
+      ProbeFile(output_path_);
+    } else {
+      ProbeModelFolder(output_path_);
+    }
+    ProbeResult();
+  }
+
   void Run(const Invocation& invocation) override {
-    const bool is_bal = std::filesystem::is_regular_file(input_path_);
+    const bool is_bal = IsBal();
     Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_, read_);
     std::vector<GroupMeasurement> measurements;
     if (!measurements_path_.empty())
@@ -58,6 +68,8 @@ class AdjustJob : public Job {
   }
 
  private:
+  bool IsBal() const { return std::filesystem::is_regular_file(input_path_); }
+
   std::string input_path_;
   std::string output_path_;
   std::string measurements_path_;

@@ -136,6 +136,8 @@ class BenchJob : public Job {
     vanishing_points_.Describe(table);
   }
 
+  void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
+
   void Run(const Invocation& invocation) override {
     if (benchmark_ == Benchmark::kAccuracy) {
       RunAccuracy(invocation);

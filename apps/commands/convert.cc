@@ -6,6 +6,7 @@
 #include "apps/command.h"
 #include "holba/base/log.h"
 #include "holba/io/bal.h"
+#include "holba/io/files.h"
 #include "holba/io/model_io.h"
 #include "holba/io/ply.h"
 #include "holba/scene/reconstruction.h"
@@ -28,6 +29,14 @@ class ConvertJob : public Job {
                    {"bal", OutputType::kBal}},
                   "Format of the output.");
     read_.Describe(table);
+  }
+
+  void ProbeOutputs(const Invocation&) const override {
+    if (output_type_ == OutputType::kText || output_type_ == OutputType::kBinary) {
+      ProbeModelFolder(output_path_);
+    } else {
+      ProbeFile(output_path_);
+    }
   }
 
   void Run(const Invocation&) override {

@@ -63,6 +63,8 @@ class EvaluateJob : public Job {
     read_.Describe(table);
   }
 
+  void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
+
   void Run(const Invocation& invocation) override {
     const bool is_bal = std::filesystem::is_regular_file(input_path_);
     const Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_, read_);

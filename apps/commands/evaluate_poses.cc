@@ -68,6 +68,8 @@ class EvaluatePosesJob : public Job {
                  "Ignore the sign of translation directions.");
   }
 
+  void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
+
   void Run(const Invocation& invocation) override {
     if (thresholds_deg_.empty()) throw InputError("--thresholds_deg: give at least one threshold");
     const Reconstruction truth = ReadPoses(ground_truth_path_);

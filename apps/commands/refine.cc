@@ -4,7 +4,9 @@
 
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
+#include <string_view>
 
 #include "apps/command.h"
 #include "apps/refine/report.h"
@@ -15,6 +17,7 @@
 #include "holba/estimation/lines/line_leave_one_out.h"
 #include "holba/frontend/photographs/opencv_threads.h"
 #include "holba/io/database.h"
+#include "holba/io/files.h"
 #include "holba/io/model_io.h"
 #include "holba/io/uncertainty_file.h"
 #include "holba/pipeline/colours.h"
@@ -51,6 +54,12 @@ class RefineJob : public Job {
     refine_.Describe(table);
   }
 
+  void ProbeOutputs(const Invocation&) const override {
+    ProbeFolder(output_path_, IsFile);
+    ProbeDatabase(DatabasePath());
+    ProbeResult();
+  }
+
   void Run(const Invocation& invocation) override {
     const Timer timer;
     Reconstruction model = Read();
@@ -63,11 +72,30 @@ class RefineJob : public Job {
   }
 
  private:
+  static constexpr const char* kCovariances = "covariances.txt";
+
+  // What is written into the output folder, but for pictures and the database.
+  static bool IsFile(std::string_view name) {
+    return IsModelFile(name) || IsPly(name) || name == kCovariances;
+  }
+
+  std::filesystem::path DatabasePath() const {
+    return database_path_.empty() ? std::filesystem::path(output_path_) / "database.db"
+                                  : std::filesystem::path(database_path_);
+  }
+
+  static std::set<image_t> WithoutPhotograph(const RefineOutput& output) {
+    std::set<image_t> images;
+    for (const LeftOutPhotograph& photograph : output.detection.left_out)
+      images.insert(photograph.image_id);
+    return images;
+  }
+
   // Throws InputError for what cannot be refined, before anything is computed or written.
   Reconstruction Read() const {
     if (!std::filesystem::is_directory(image_path_))
       throw InputError(image_path_, "there is no such folder (--image_path)");
-    detection_.imports.Check();
+    detection_.Check();
     if (!detection_.imports.correspondences.empty() && regions_.matching != RegionMatching::kWarp) {
       throw InputError(
           "--Import.correspondences_path needs --Regions.matching warp: votes of features do not "
@@ -85,13 +113,13 @@ class RefineJob : public Job {
   void Refine(Reconstruction* model, RefineOutput* output) {
     const int num_threads = refine_.solver.num_threads;
     detection_.num_threads = matching_.num_threads = num_threads;
+    detection_.strict = read_.strict;
     HoldOpenCvThreads();
     photographs_ = PhotographFolder(image_path_, *model);
 
-    const std::filesystem::path database_path =
-        database_path_.empty() ? std::filesystem::path(output_path_) / "database.db"
-                               : std::filesystem::path(database_path_);
+    const std::filesystem::path database_path = DatabasePath();
     Database database(database_path);
+    CheckDatabase(database, photographs_, *model);
     const std::map<image_t, image_t> database_id = database.MatchImages(*model);
     std::map<image_t, ImportedSegments> imported;
     const ImageFeatureMap features = DetectFeatures(detection_, photographs_, *model, database_id,
@@ -126,27 +154,32 @@ class RefineJob : public Job {
     std::vector<point3D_t> made = output->refine.structure.corners.point3D_ids;
     for (const Junction& junction : output->refine.structure.junctions.junctions)
       made.push_back(junction.point3D_id);
-    ColourFeatures(photographs_, made, num_threads, model);
+    ColourFeatures(photographs_, made, num_threads, model, WithoutPhotograph(*output));
     output->write_seconds = colour_timer.Seconds();
   }
 
   void Write(const Reconstruction& model, RefineOutput* output) const {
     const Timer timer;
-    WriteModel(model, output_path_, format_);
-    WriteStructurePly(model, output_path_);
+    // All that belongs to the output is prepared beside it and put in place at once.
+    StagedFolder stage(output_path_);
+    StageModel(model, format_, "", &stage);
+    StageStructurePly(model, &stage);
     if (covariances_) {
       const auto uncertainty =
           EstimateUncertainty(model, output->refine.stage1_options, output->refine.stage1,
                               refine_.solver.num_threads);
       if (uncertainty) {
-        WriteUncertainty(*uncertainty, std::filesystem::path(output_path_) / "covariances.txt");
+        stage.Write(kCovariances,
+                    [&](std::ostream* stream) { FormatUncertainty(*uncertainty, stream); });
       } else {
         LogWarning(
             "No covariances: the normal equations are singular (covariances.txt was not "
             "written)");
       }
     }
-    WritePictures(model, photographs_, output_path_, num_pictures_, refine_.solver.num_threads);
+    StagePictures(model, photographs_, WithoutPhotograph(*output), num_pictures_,
+                  refine_.solver.num_threads, &stage);
+    stage.Commit([](std::string_view name) { return IsFile(name) || IsPictureFolder(name); });
     output->write_seconds += timer.Seconds();
   }
 

@@ -2,9 +2,11 @@
 // holba synthesize: a synthetic adjustment problem, as a true and a perturbed model.
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 #include "apps/command.h"
 #include "holba/base/log.h"
+#include "holba/io/files.h"
 #include "holba/io/model_io.h"
 #include "holba/synthetic/bundle_problem.h"
 
@@ -22,11 +24,25 @@ class SynthesizeJob : public Job {
     options_.Describe(table);
   }
 
+  void ProbeOutputs(const Invocation&) const override {
+    const std::filesystem::path folder = output_path_;
+    ProbeFolder(folder, [](std::string_view) { return false; });
+    ProbeModelFolder(folder / kTruth);
+    ProbeModelFolder(folder / kPerturbed);
+  }
+
   void Run(const Invocation&) override {
     const SyntheticProblem problem = MakeBundleProblem(options_);
-    const std::filesystem::path folder = output_path_;
-    WriteModel(problem.truth, folder / "truth", output_type_);
-    WriteModel(problem.perturbed, folder / "perturbed", output_type_);
+    // Both at once: a truth beside the start of another scene would be taken for its own.
+    StagedFolder stage(output_path_);
+    StageModel(problem.truth, output_type_, std::string(kTruth) + '/', &stage);
+    StageModel(problem.perturbed, output_type_, std::string(kPerturbed) + '/', &stage);
+    stage.Commit([](std::string_view name) {
+      const size_t slash = name.find('/');
+      if (slash == std::string_view::npos) return false;
+      const std::string_view folder = name.substr(0, slash);
+      return (folder == kTruth || folder == kPerturbed) && IsModelFile(name.substr(slash + 1));
+    });
     const Reconstruction& model = problem.truth;
     LogInfo("Wrote {} images, {} points, {} lines, {} groups and {} wireframe edges to {}",
             model.images.size(), model.points3D.size(), model.lines3D.size(), model.groups3D.size(),
@@ -34,6 +50,8 @@ class SynthesizeJob : public Job {
   }
 
  private:
+  static constexpr std::string_view kTruth = "truth", kPerturbed = "perturbed";
+
   std::string output_path_;
   ModelFormat output_type_ = ModelFormat::kBinary;
   BundleProblemOptions options_;

@@ -111,6 +111,11 @@ class TransformJob : public Job {
     read_.Describe(table);
   }
 
+  void ProbeOutputs(const Invocation& invocation) const override {
+    ProbeModelFolder(output_path_);
+    if (invocation.json) ProbeResult();
+  }
+
   void Run(const Invocation& invocation) override {
     const bool has_options = similarity_ != Similarity{};
     if (has_options && !transform_path_.empty()) {

@@ -95,7 +95,11 @@ json RefineToJson(const RefineOutput& output, const Reconstruction& model) {
     proposals[std::string(kProposalNames[kind])] = {{"made", s.lines.proposals[kind]},
                                                     {"best", s.lines.best_proposals[kind]}};
   }
+  json left_out = json::array();
+  for (const LeftOutPhotograph& photograph : d.left_out)
+    left_out.push_back({{"image_id", photograph.image_id}, {"reason", photograph.reason}});
   return {{"images", d.num_images},
+          {"photographs_left_out", left_out},
           {"database",
            {{"images_reused", d.images_reused},
             {"images_detected", d.num_images - d.images_reused},
@@ -165,6 +169,10 @@ std::string RefineToText(const RefineOutput& output, const Reconstruction& model
       "relations        {}\n",
       counts.points_on_planes, counts.lines_on_planes, counts.junctions, counts.corners,
       model.wireframe.size(), model.relations.size());
+  if (!output.detection.left_out.empty()) {
+    text += fmt::format("photographs left out {} of {}\n", output.detection.left_out.size(),
+                        output.detection.num_images);
+  }
   text += "\nNot taken, and why:\n";
   for (const auto& [step, reasons] : Refusals(output)) {
     text += fmt::format("  {}\n", step);

@@ -8,12 +8,14 @@ import math
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 import unittest
+from random import Random
 
 from small_model import SMALL_MODEL, write_small_model
 
@@ -203,6 +205,50 @@ class Errors(Case):
         message = self.refuses("convert", "--input_path", self.model, "--output_path", output)
         self.assertIn(str(self.folder / "file"), message)
 
+    def test_an_output_of_any_command_is_tried_before_the_input_is_read(self):
+        absent, tried = self.folder / "absent", []
+        (self.folder / "file").write_text("")
+        (self.folder / "taken" / "cameras.bin").mkdir(parents=True)
+        before = tree(self.folder)
+        for name in command_names():
+            options = json.loads(holba(name, "--help", "json").stdout)["options"]
+            names = [option["name"] for option in options]
+            if "output_path" not in names:
+                continue
+            tried.append(name)
+            words = [word for option in options if option["required"] and option["name"] != "output_path"
+                     for word in (f"--{option['name']}", absent)]
+            # No folder can be made in the first (not even by root) nor in the second.
+            for output in ("/proc/no/such", self.folder / "file" / "output", self.folder / "file",
+                           self.folder / ("n" * 300), self.folder / "taken"):
+                if name == "synthesize" and output == self.folder / "taken":
+                    continue  # it writes into folders of its own
+                with self.subTest(command=name, output=str(output)[:200]):
+                    message = self.refuses(name, *words, "--output_path", output)
+                    self.assertIn(str(output), message)
+                    self.assertNotIn(str(absent), message)
+            if "database_path" in names:
+                message = self.refuses(name, *words, "--output_path", self.folder / "output", "--database_path",
+                                       "/proc/no.db")
+                self.assertIn("/proc/no.db", message)
+            if name == "convert":
+                for output in ("/proc/no.ply", self.folder):
+                    message = self.refuses(name, *words, "--output_type", "ply", "--output_path", output)
+                    self.assertIn(str(output), message)
+        self.assertLessEqual({"adjust", "convert", "synthesize", "transform"}, set(tried))
+        self.assertEqual(tree(self.folder), before)
+        self.assertFalse((self.folder / "output").exists())
+
+    def test_a_standard_output_that_takes_nothing_is_found_before_the_input_is_read(self):
+        for name in ("evaluate", "adjust"):
+            words = ["--input_path", self.folder / "absent"]
+            if name == "adjust":
+                words += ["--output_path", self.folder / "output"]
+            with open("/dev/full", "w") as full:
+                result = subprocess.run([HOLBA, name, *map(str, words)], stdout=full, stderr=subprocess.PIPE, text=True)
+            self.assertEqual(result.returncode, 1)
+            self.assertIn("standard output", result.stderr)
+
     def test_a_result_that_cannot_be_printed_is_a_failure(self):
         with open("/dev/full", "w") as full:
             result = subprocess.run([HOLBA, "help"], stdout=full, stderr=subprocess.PIPE, text=True)
@@ -287,6 +333,18 @@ class Convert(Case):
         result = holba("convert", "--input_path", self.model, "--output_path", self.folder / "o",
                        "--quiet")
         self.assertEqual((result.returncode, result.stdout, result.stderr), (0, "", ""))
+
+    def test_names_that_colmap_cuts_in_text_are_warned_of(self):
+        images = (self.model / "images.txt").read_text()
+        words = ("convert", "--input_path", self.model, "--output_path", self.folder / "out")
+        self.assertIn("sub folder/second.jpg", images)
+        result = holba(*words, "--output_type", "txt")
+        self.assertEqual(result.returncode, 0)
+        self.assertIn("'sub folder/second.jpg'", result.stderr)
+        self.assertIn("--output_type bin", result.stderr)
+        self.assertNotIn("blanks", holba(*words, "--output_type", "bin").stderr)
+        (self.model / "images.txt").write_text(images.replace("sub folder/", ""))
+        self.assertNotIn("blanks", holba(*words, "--output_type", "txt").stderr)
 
     def test_the_output_may_be_the_input(self):
         before = {name: records(self.model / f"{name}.txt") for name in SMALL_MODEL}
@@ -446,6 +504,49 @@ class Signals(Case):
             self.assertEqual([p.name for p in work.iterdir()], ["output"], "something was left behind")
             self.assertIn(tree(output), (old, new))
         self.assertGreater(interrupted, 0)
+
+    def test_a_killed_run_leaves_the_old_output_or_a_whole_new_one_and_the_next_cleans_up(self):
+        points = ["# many"] + [f"{i} {i / 7!r} {math.sin(i)!r} 5 1 2 3 -1" for i in range(1, 120001)]
+        big = self.folder / "big"
+        write_small_model(big, {"points3D": "\n".join(points) + "\n"})
+        work = self.folder / "work"
+        other = {"note": b"not of holba", "folder/note": b"nor this"}
+        num_kills = int(os.environ.get("HOLBA_NUM_KILLS", 12))
+        random = Random(3)
+        for output_type in ("txt", "ply"):
+            output = work / "output"
+            words = ("convert", "--output_type", output_type, "--quiet", "--output_path", output)
+
+            def run(source: pathlib.Path) -> tuple[dict, float]:
+                begin = time.monotonic()
+                self.succeeds(*words, "--input_path", source)
+                return tree(work), time.monotonic() - begin
+
+            if output_type != "ply":
+                for name, content in other.items():
+                    (output / name).parent.mkdir(parents=True, exist_ok=True)
+                    (output / name).write_bytes(content)
+            old, _ = run(self.model)
+            new, seconds = run(big)
+            self.assertNotEqual(old, new)
+            counts = dict.fromkeys(("killed", "left old", "left new", "left a stage"), 0)
+            for kill in range(num_kills):
+                self.assertEqual(run(self.model)[0], old, "something was left behind")
+                process = subprocess.Popen([HOLBA, *map(str, words), "--input_path", str(big)])
+                time.sleep(random.uniform(0, 1.1 * seconds))
+                process.kill()
+                process.wait(timeout=60)
+                counts["killed"] += process.returncode == -signal.SIGKILL
+                left = {name: data for name, data in tree(work).items() if not name.startswith(".")}
+                self.assertIn(left, (old, new))
+                counts["left old"] += left == old
+                counts["left new"] += left == new
+                counts["left a stage"] += len(os.listdir(work)) > 1
+            self.assertEqual(run(big)[0], new)
+            self.assertEqual(os.listdir(work), ["output"])
+            print(f"convert to {output_type}, {num_kills} runs: {counts}")
+            self.assertGreater(counts["killed"], 0)
+            shutil.rmtree(work)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 """holba refine from photographs to a model, as a user runs it. Environment: HOLBA, path of the program; HOLBA_SCENE,
 folder that scene.py wrote (missing: it is made); HOLBA_DATA_DIR, real image sets. Exit status 77: skipped."""
 
+import contextlib
 import json
 import os
 import pathlib
@@ -316,27 +317,154 @@ class Interrupted(Case):
         self.assertGreater(killed, 0)
 
 
+    def test_killed_at_any_time_it_leaves_the_old_output_or_a_whole_new_one_and_the_next_cleans_up(self):
+        def rest(folder: pathlib.Path) -> dict[str, bytes]:
+            """All but the database, which SQLite keeps whole by a journal beside it."""
+            return {name: data for name, data in tree(folder).items() if not name.startswith("database.db")}
+
+        options = {"num_pictures": -1, "output_type": "bin"}
+        covariances = ("--covariances", 1)
+        self.refine("old", "--covariances", 1, "--Lines.min_images", 4, num_pictures=1)
+        self.refine("new", *covariances, **options)
+        for folder in ("old", "new"):
+            (self.folder / folder / "mine").mkdir()
+            (self.folder / folder / "mine" / "note").write_text("not of holba")
+        old, new = (rest(self.folder / name) for name in ("old", "new"))
+        self.assertNotEqual(old.keys(), new.keys())
+
+        def start(output: pathlib.Path) -> subprocess.Popen:
+            return subprocess.Popen(self.words(output, *covariances, **options), stdout=subprocess.DEVNULL,
+                                    stderr=subprocess.PIPE)
+
+        def wait_for_stage(process: subprocess.Popen, folder: pathlib.Path):
+            while process.poll() is None and not any(".output.holba-" in name for name in os.listdir(folder)):
+                time.sleep(0.0002)
+
+        def prepare(name: str) -> pathlib.Path:
+            shutil.copytree(self.folder / "old", self.folder / name / "output")
+            return self.folder / name / "output"
+
+        output = prepare("timed")
+        begin = time.monotonic()
+        process = start(output)
+        wait_for_stage(process, output.parent)
+        until_stage = time.monotonic() - begin
+        process.communicate(timeout=60)
+        writing = time.monotonic() - begin - until_stage
+        self.assertEqual(rest(output), new)
+
+        random = np.random.default_rng(7)
+        num_kills = int(os.environ.get("HOLBA_NUM_KILLS", 6))
+        counts = dict.fromkeys(("killed", "left old", "left new", "left a stage"), 0)
+        for kill in range(num_kills):
+            output = prepare(f"work{kill}")
+            process = start(output)
+            # Three of four while it writes, the others while it computes.
+            if kill % 4:
+                wait_for_stage(process, output.parent)
+                time.sleep(random.uniform(0, 1.1 * writing))
+            else:
+                time.sleep(random.uniform(0, until_stage))
+            process.kill()
+            process.communicate(timeout=60)
+            self.assertIn(process.returncode, (0, -signal.SIGKILL))
+            left = rest(output)
+            self.assertIn(left, (old, new), kill)
+            counts["killed"] += process.returncode == -signal.SIGKILL
+            counts["left old"] += left == old
+            counts["left new"] += left == new
+            counts["left a stage"] += len(os.listdir(output.parent)) > 1
+            process = start(output)
+            self.assertEqual((process.communicate(timeout=120)[1], process.returncode)[1], 0)
+            self.assertEqual(rest(output), new, kill)
+            self.assertEqual([p.name for p in output.iterdir() if p.name.startswith((".", "database.db-"))], [])
+            self.assertEqual(os.listdir(output.parent), ["output"])
+            shutil.rmtree(output.parent)
+        print(f"refine, {num_kills} runs: {counts}")
+        self.assertGreater(counts["killed"], 0)
+
+
 class Errors(Case):
     def copy(self, what: str) -> pathlib.Path:
         shutil.copytree(SCENE / what, self.folder / what)
         return self.folder / what
 
-    def test_a_missing_photograph_is_named_with_the_remedy(self):
+    def test_photographs_that_cannot_be_used_are_named_and_left_out_or_refused_if_that_is_asked_for(self):
         images = self.copy("images")
         (images / scene.image_name(2)).unlink()
+        (images / scene.image_name(0)).write_text("text")
+        words = {0: ("no JPEG, PNG",), 2: ("--image_path must be the folder",)}
+        message = self.refuses("--strict", 1, image_path=images)
+        self.assertIn(str(images / scene.image_name(0)), message)
+        self.assertIn(words[0][0], message)
+        output = self.folder / "out"
+        result = subprocess.run(self.words(output, "--json", image_path=images, num_pictures=-1), capture_output=True,
+                                text=True, timeout=120)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        report = json.loads(result.stdout)
+        reasons = {entry["image_id"]: entry["reason"] for entry in report["photographs_left_out"]}
+        self.assertEqual(reasons.keys(), {1, 3})
+        for i, said in words.items():
+            for word in (str(images / scene.image_name(i)), *said):
+                self.assertIn(word, reasons[i + 1])
+                self.assertIn(word, result.stderr)
+        self.assertIn("2 of 6 photographs are left out", result.stderr)
+        # Their poses and points are there as ever; the other four have lines.
+        self.assertLess(pose_errors(output)[0], 0.5)
+        self.assertGreater(report["lines"]["all"], 10)
+        seen = {image for row in records(output / "lines3D.txt") for image in row[17::2]}
+        self.assertEqual(seen, {"2", "4", "5", "6"})
+        self.assertEqual({p.name.split("_")[1] for p in (output / "pictures").glob("room_*")}, seen)
+        # What an earlier run kept of a photograph that is away now is not used, and comes back with it.
+        whole, _ = self.refine("whole")
+        (self.folder / "kept").mkdir()
+        database = self.folder / "kept" / "database.db"
+        self.refine("first", database_path=database)
+        again, report = self.refine("again", image_path=images, database_path=database)
+        self.assertEqual(len(report["photographs_left_out"]), 2)
+        for name in OURS:
+            self.assertEqual((again / f"{name}.txt").read_bytes(), (output / f"{name}.txt").read_bytes(), name)
+        back, report = self.refine("back", database_path=database)
+        self.assertEqual(report["database"]["images_reused"], scene.NUM_IMAGES)
+        self.assertEqual(tree(back), tree(whole))
+        scene.write_png(images / scene.image_name(1), np.zeros((100, 120), np.uint8))
+        _, report = self.refine("smaller", image_path=images)
+        reasons = {entry["image_id"]: entry["reason"] for entry in report["photographs_left_out"]}
+        for word in (str(images / scene.image_name(1)), "120 x 100", "480 x 360"):
+            self.assertIn(word, reasons[2])
+        for i in range(scene.NUM_IMAGES):
+            (images / scene.image_name(i)).unlink(missing_ok=True)
         message = self.refuses(image_path=images)
-        self.assertIn(str(images / scene.image_name(2)), message)
+        self.assertIn("6 of 6 photographs", message)
         self.assertIn("--image_path must be the folder", message)
 
-    def test_a_photograph_of_another_size_or_none_at_all_is_named(self):
-        images = self.copy("images")
-        scene.write_png(images / scene.image_name(1), np.zeros((100, 120), np.uint8))
-        message = self.refuses(image_path=images)
-        self.assertIn(str(images / scene.image_name(1)), message)
-        self.assertIn("120 x 100", message)
-        self.assertIn("480 x 360", message)
-        (images / scene.image_name(1)).write_text("text")
-        self.assertIn(str(images / scene.image_name(1)), self.refuses(image_path=images))
+    def test_a_database_of_other_photographs_with_the_same_names_is_refused_and_not_touched(self):
+        database = self.folder / "kept.db"
+        self.refine("out", database_path=database)
+        with sqlite3.connect(database) as connection:
+            kept = {row[0]: np.frombuffer(row[1], np.float32)
+                    for row in connection.execute("SELECT image_id, data FROM keypoints")}
+            for image_id, data in kept.items():
+                moved = (data.reshape(-1, 2) + [3.0, 2.0]).astype(np.float32)
+                connection.execute("UPDATE keypoints SET data = ? WHERE image_id = ?", (moved.tobytes(), image_id))
+        # It has seen these very photographs: it is theirs, whatever made the keypoints.
+        _, report = self.refine("out", database_path=database)
+        self.assertEqual(report["database"]["images_reused"], scene.NUM_IMAGES)
+        with sqlite3.connect(database) as connection:
+            connection.execute("DROP TABLE holba_segments")
+            connection.execute("CREATE TABLE holba_segments (image_id INTEGER, settings TEXT, rows INTEGER, data BLOB)")
+        connection.close()
+
+        def content() -> list[str]:
+            with contextlib.closing(sqlite3.connect(database)) as connection:
+                return list(connection.iterdump())
+
+        before = content()
+        message = self.refuses(database_path=database)
+        self.assertIn(str(database), message)
+        self.assertIn("the database of other photographs", message)
+        self.assertIn(scene.image_name(0), message)
+        self.assertEqual(content(), before)
 
     def test_paths_that_are_not_what_they_should_be(self):
         self.assertIn("--image_path", self.refuses(image_path=self.folder / "absent"))
@@ -374,6 +502,52 @@ class Errors(Case):
         message = self.refuses("--Import.labels_path", labels)
         self.assertIn("labels.json", message)
         self.assertIn("disc", message)
+
+
+class Photographs(Case):
+    def test_of_any_format_they_give_the_same_model(self):
+        expected, _ = self.refine("png", num_pictures=-1)
+        images = self.folder / "images"
+        shutil.copytree(SCENE / "images", images)
+        for i, to_bytes in enumerate((scene.bmp_bytes, scene.ppm_bytes, scene.tiff_bytes)):
+            path = images / scene.image_name(i)
+            path.write_bytes(to_bytes(scene.read_png(path)))
+        model, report = self.refine("others", image_path=images, num_pictures=-1)
+        self.assertEqual(report["photographs_left_out"], [])
+        self.assertEqual(tree(model), tree(expected))
+
+    def test_nothing_is_found_where_masks_are_zero(self):
+        masks = self.folder / "masks"
+        mask = np.zeros((scene.HEIGHT, scene.WIDTH), np.uint8)
+        mask[:, scene.WIDTH // 2:] = 255
+        for i in range(scene.NUM_IMAGES):
+            # A PNG's mask may have its very name, as in COLMAP.
+            name = scene.image_name(i) + (".png" if i % 2 else "")
+            scene.write_png(masks / name, mask)
+        database = self.folder / "kept.db"
+        _, everywhere = self.refine("all", database_path=database)
+        model, report = self.refine("masked", mask_path=masks, database_path=database)
+        self.assertEqual(report["database"]["images_detected"], scene.NUM_IMAGES)
+        self.assertGreater(report["segments"], 20)
+        self.assertLess(report["segments"], 0.8 * everywhere["segments"])
+        self.assertLess(report["image_corners"], 0.8 * everywhere["image_corners"])
+        for row in records(model / "lines2D.txt"):
+            numbers = np.array(row[2:], float).reshape(-1, 5)
+            self.assertGreater(numbers[:, [0, 2]].min(), scene.WIDTH / 2 - 0.01)
+        with sqlite3.connect(database) as connection:
+            for (data,) in connection.execute("SELECT data FROM holba_corners"):
+                self.assertGreaterEqual(np.frombuffer(data).reshape(-1, 2)[:, 0].min(), scene.WIDTH / 2)
+        _, report = self.refine("again", mask_path=masks, database_path=database)
+        self.assertEqual(report["database"]["images_reused"], scene.NUM_IMAGES)
+        # As COLMAP does, an image without its mask is left out.
+        (masks / f"{scene.image_name(1)}.png").unlink()
+        scene.write_png(masks / f"{scene.image_name(3)}.png", mask[:100])
+        _, report = self.refine("fewer", mask_path=masks, database_path=database)
+        reasons = {entry["image_id"]: entry["reason"] for entry in report["photographs_left_out"]}
+        self.assertEqual(reasons.keys(), {2, 4})
+        self.assertIn("there is no such mask", reasons[2])
+        self.assertIn("480 x 100", reasons[4])
+        self.assertIn("--mask_path", self.refuses(mask_path=self.folder / "absent"))
 
 
 class Imports(Case):

@@ -145,6 +145,41 @@ def write_png(path: pathlib.Path, grey: np.ndarray, level: int = 6) -> None:
                      chunk(b"IDAT", zlib.compress(rows.tobytes(), level)) + chunk(b"IEND", b""))
 
 
+def read_png(path: pathlib.Path) -> np.ndarray:
+    """What write_png wrote."""
+    data, at, packed = path.read_bytes(), 8, b""
+    while at < len(data):
+        size, kind = struct.unpack(">I4s", data[at:at + 8])
+        if kind == b"IHDR":
+            width, height = struct.unpack(">II", data[at + 8:at + 16])
+        if kind == b"IDAT":
+            packed += data[at + 8:at + 8 + size]
+        at += 12 + size
+    return np.frombuffer(zlib.decompress(packed), np.uint8).reshape(height, width + 1)[:, 1:]
+
+
+def bmp_bytes(grey: np.ndarray) -> bytes:
+    height, width = grey.shape
+    rows = np.zeros((height, (3 * width + 3) // 4 * 4), np.uint8)
+    rows[:, :3 * width] = np.repeat(grey[::-1], 3, axis=1)
+    return (b"BM" + struct.pack("<IIIIiiHHIIiiII", 54 + rows.size, 0, 54, 40, width, height, 1, 24, 0, 0, 0, 0, 0, 0) +
+            rows.tobytes())
+
+
+def ppm_bytes(grey: np.ndarray) -> bytes:
+    return b"P6\n%d %d\n255\n" % grey.shape[::-1] + np.repeat(grey, 3, axis=1).tobytes()
+
+
+def tiff_bytes(grey: np.ndarray) -> bytes:
+    """Uncompressed, one strip."""
+    height, width = grey.shape
+    entries = [(256, width), (257, height), (258, 8), (259, 1), (262, 1), (273, 8), (277, 1), (278, height),
+               (279, grey.size)]
+    directory = struct.pack("<H", len(entries)) + b"".join(struct.pack("<HHII", tag, 4, 1, value)
+                                                           for tag, value in entries) + struct.pack("<I", 0)
+    return b"II*\0" + struct.pack("<I", 8 + grey.size) + np.ascontiguousarray(grey).tobytes() + directory
+
+
 def image_name(i: int) -> str:
     return f"room/{i + 1}.png"
 

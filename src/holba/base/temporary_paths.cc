@@ -52,7 +52,7 @@ void RemoveAll(Registry& registry) {
     std::error_code ignored;
     // Moved aside first, so that a writer at work can add no more files to it.
     std::filesystem::path aside = path;
-    aside += ".removed";
+    aside += kRemovedSuffix;
     std::filesystem::rename(path, aside, ignored);
     std::filesystem::remove_all(aside, ignored);
     std::filesystem::remove_all(path, ignored);

@@ -4,8 +4,13 @@
 #pragma once
 
 #include <filesystem>
+#include <string_view>
 
 namespace holba {
+
+// What an interrupt renames is removed at once, or, if the program is killed while it does so, has
+// this at the end of its name.
+inline constexpr std::string_view kRemovedSuffix = ".removed";
 
 // Registers `path` (which need not exist yet); its end removes what is there by then. After a
 // rename into place nothing is, so a writer needs no other clean-up.

@@ -8,6 +8,7 @@
 #include "holba/base/check.h"
 #include "holba/base/error.h"
 #include "holba/io/database_statement.h"
+#include "holba/io/files.h"
 
 namespace holba {
 namespace {
@@ -133,6 +134,20 @@ Database::Database(const std::filesystem::path& path) : path_(path) {
     Close();
     throw;
   }
+}
+
+void ProbeDatabase(const std::filesystem::path& path) {
+  std::error_code error;
+  const uintmax_t size = std::filesystem::file_size(path, error);
+  // An empty file is one that a database will be made in.
+  if (error || size == 0) {
+    if (std::filesystem::is_directory(path)) {
+      throw InputError(path, "this is a folder; give the file of a COLMAP database");
+    }
+    return ProbeFile(path);
+  }
+  Database database(path);
+  const Database::Transaction undone(&database);
 }
 
 Database::~Database() { Close(); }

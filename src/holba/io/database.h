@@ -54,6 +54,9 @@ struct ImageVanishingPoints {
 // A camera in words, for the settings of what depends on it.
 std::string ToString(const Camera& camera);
 
+// Whether a Database could be opened at `path` and written to; makes none. Throws InputError.
+void ProbeDatabase(const std::filesystem::path& path);
+
 class Database {
  public:
   // Opens a database, or makes a new one with its parent folders.
@@ -112,6 +115,8 @@ class Database {
   // replaces what was there, with whatever settings.
   std::optional<std::vector<LineSegment2d>> ReadSegments(image_t image_id,
                                                          const std::string& settings) const;
+  // Those of the stored segments; empty: there are none.
+  std::optional<std::string> ReadSegmentSettings(image_t image_id) const;
   // What belongs to the old segments (descriptors, vanishing points, line matches) is removed.
   void WriteSegments(image_t image_id, const std::string& settings,
                      const std::vector<LineSegment2d>& segments);

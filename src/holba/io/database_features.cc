@@ -95,6 +95,13 @@ std::optional<std::vector<LineSegment2d>> Database::ReadSegments(
   return segments;
 }
 
+std::optional<std::string> Database::ReadSegmentSettings(image_t image_id) const {
+  if (!HasOurTables()) return std::nullopt;
+  Statement row(*this, "SELECT settings FROM holba_segments WHERE image_id = ?");
+  if (!row.Integer(image_id).Step()) return std::nullopt;
+  return row.GetText(0);
+}
+
 void Database::WriteSegments(image_t image_id, const std::string& settings,
                              const std::vector<LineSegment2d>& segments) {
   std::vector<double> values;

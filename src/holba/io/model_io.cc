@@ -63,14 +63,19 @@ std::string FileName(const FileKind& kind, ModelFormat format) {
   return std::string(kind.name) + Extension(format);
 }
 
-bool IsModelFile(std::string_view name) {
-  if (name == kHolisticJson) return true;
-  const auto is = [&](const FileKind& kind) {
-    return name == FileName(kind, ModelFormat::kText) ||
-           name == FileName(kind, ModelFormat::kBinary);
-  };
-  return is(kCameras) || is(kRigs) || is(kFrames) || is(kImages) || is(kPoints3D) ||
-         std::any_of(kSideFiles.begin(), kSideFiles.end(), is);
+// COLMAP's reader of text takes an image's name to its first blank; its writer and ours do not.
+void WarnOfBlanks(const Reconstruction& model) {
+  size_t count = 0;
+  const std::string* example = nullptr;
+  for (const auto& [image_id, image] : model.images) {
+    if (image.name.find_first_of(" \t") == std::string::npos) continue;
+    if (count++ == 0) example = &image.name;
+  }
+  if (count == 0) return;
+  LogWarning(
+      "The names of {} images have blanks ('{}'), at which COLMAP's reader of text cuts them; for "
+      "COLMAP write the model as binary (--output_type bin), or rename the images",
+      count, *example);
 }
 
 void ReadFile(const fs::path& folder, const FileKind& kind, ModelFormat format,
@@ -90,6 +95,16 @@ bool IsHolistic(const Reconstruction& model) {
 }
 
 }  // namespace
+
+bool IsModelFile(std::string_view name) {
+  if (name == kHolisticJson) return true;
+  const auto is = [&](const FileKind& kind) {
+    return name == FileName(kind, ModelFormat::kText) ||
+           name == FileName(kind, ModelFormat::kBinary);
+  };
+  return is(kCameras) || is(kRigs) || is(kFrames) || is(kImages) || is(kPoints3D) ||
+         std::any_of(kSideFiles.begin(), kSideFiles.end(), is);
+}
 
 std::optional<ModelFormat> FindModelFormat(const fs::path& folder) {
   for (const ModelFormat format : {ModelFormat::kBinary, ModelFormat::kText}) {
@@ -112,8 +127,8 @@ void ReadModelOptions::Describe(OptionTable* table) const {
       ->Field(
           "strict", &strict,
           "Refuse an input that is damaged in places, with the list of them, instead of leaving "
-          "these out with a warning (links between points and images that one of the two does "
-          "not know).")
+          "these out with a warning: links between points and images that one of the two does "
+          "not know; for refine also photographs that are missing, unreadable or of another size.")
       .Advanced();
 }
 
@@ -249,13 +264,13 @@ Reconstruction ReadPoses(const fs::path& folder) {
   return model;
 }
 
-void WriteModel(const Reconstruction& model, const fs::path& folder, ModelFormat format) {
+void StageModel(const Reconstruction& model, ModelFormat format, const std::string& prefix,
+                StagedFolder* stage) {
   const std::optional<std::string> fault = model.FindInconsistency();
   HOLBA_CHECK_MSG(!fault, "a model that is to be written is inconsistent: " + *fault);
-  StagedFolder stage(folder);
   const auto write = [&](const FileKind& kind) {
-    stage.Write(FileName(kind, format),
-                [&](std::ostream* stream) { kind.write(format, model, stream); });
+    stage->Write(prefix + FileName(kind, format),
+                 [&](std::ostream* stream) { kind.write(format, model, stream); });
   };
   write(kCameras);
   if (model.has_rig_files) {
@@ -263,16 +278,24 @@ void WriteModel(const Reconstruction& model, const fs::path& folder, ModelFormat
     write(kFrames);
   }
   write(kImages);
+  if (format == ModelFormat::kText) WarnOfBlanks(model);
   write(kPoints3D);
   const bool is_holistic = IsHolistic(model);
   for (const FileKind& kind : kSideFiles) {
     if (kind.is_needed != nullptr ? kind.is_needed(model) : is_holistic) write(kind);
   }
   if (is_holistic) {
-    stage.Write(kHolisticJson,
-                [&](std::ostream* stream) { *stream << HolisticJson(FrameOf(model)); });
+    stage->Write(prefix + kHolisticJson,
+                 [&](std::ostream* stream) { *stream << HolisticJson(FrameOf(model)); });
   }
+}
+
+void WriteModel(const Reconstruction& model, const fs::path& folder, ModelFormat format) {
+  StagedFolder stage(folder);
+  StageModel(model, format, "", &stage);
   stage.Commit(IsModelFile);
 }
+
+void ProbeModelFolder(const fs::path& folder) { ProbeFolder(folder, IsModelFile); }
 
 }  // namespace holba

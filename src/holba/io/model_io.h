@@ -4,8 +4,11 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <string_view>
 
 #include "holba/base/options.h"
+#include "holba/io/files.h"
 #include "holba/io/model_format.h"
 #include "holba/scene/reconstruction.h"
 
@@ -40,5 +43,15 @@ Reconstruction ReadPoses(const std::filesystem::path& folder);
 // came with them. Throws InputError if it cannot be written; the model must be consistent.
 void WriteModel(const Reconstruction& model, const std::filesystem::path& folder,
                 ModelFormat format);
+
+// The same in two steps, for a folder that holds more than one model, or other things that belong
+// to it: adds the model's files to `stage` (`prefix`: "", or "FOLDER/" in it), whose Commit must
+// claim the names that IsModelFile says.
+void StageModel(const Reconstruction& model, ModelFormat format, const std::string& prefix,
+                StagedFolder* stage);
+bool IsModelFile(std::string_view name);
+
+// Whether WriteModel could write there, found out before there is a model. Throws InputError.
+void ProbeModelFolder(const std::filesystem::path& folder);
 
 }  // namespace holba

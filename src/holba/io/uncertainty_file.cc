@@ -18,7 +18,7 @@ void AppendUpperTriangle(const Matrix& matrix, std::string* text, int digits = 9
 
 }  // namespace
 
-void WriteUncertainty(const ModelUncertainty& uncertainty, const std::filesystem::path& path) {
+void FormatUncertainty(const ModelUncertainty& uncertainty, std::ostream* stream) {
   std::string text = fmt::format(
       "# Covariances (upper triangles, row by row); noise of an observed coordinate: {:.6g} px\n"
       "# POSE FRAME_ID C[21]: rotation vector w (rad, R' = exp(w) R), translation\n"
@@ -49,7 +49,11 @@ void WriteUncertainty(const ModelUncertainty& uncertainty, const std::filesystem
     AppendUpperTriangle(C, &text);
     text += '\n';
   }
-  WriteFileWhole(path, [&](std::ostream* stream) { *stream << text; });
+  *stream << text;
+}
+
+void WriteUncertainty(const ModelUncertainty& uncertainty, const std::filesystem::path& path) {
+  WriteFileWhole(path, [&](std::ostream* stream) { FormatUncertainty(uncertainty, stream); });
 }
 
 }  // namespace holba

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <ostream>
 
 #include "holba/scene/uncertainty.h"
 
@@ -11,5 +12,6 @@ namespace holba {
 
 // Creates the parent folders. Throws InputError if it cannot be written.
 void WriteUncertainty(const ModelUncertainty& uncertainty, const std::filesystem::path& path);
+void FormatUncertainty(const ModelUncertainty& uncertainty, std::ostream* stream);
 
 }  // namespace holba

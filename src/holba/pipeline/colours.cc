@@ -46,12 +46,14 @@ struct ImageColours {
 }  // namespace
 
 void ColourFeatures(const PhotographFolder& image_path, std::span<const point3D_t> point3D_ids,
-                    int num_threads, Reconstruction* model) {
+                    int num_threads, Reconstruction* model,
+                    const std::set<image_t>& without_photograph) {
   std::vector<point3D_t> wanted(point3D_ids.begin(), point3D_ids.end());
   std::sort(wanted.begin(), wanted.end());
   std::vector<ImageColours> of_image(model->images.size());
   ParallelTasks(num_threads, of_image.size(), [&](size_t i) {
-    const Image& image = (model->images.begin() + i)->second;
+    const auto& [image_id, image] = *(model->images.begin() + i);
+    if (without_photograph.contains(image_id)) return;
     const ColourImage photograph = ReadColourImage(image_path / image.name);
     for (const Point2D& point : image.points2D) {
       if (std::binary_search(wanted.begin(), wanted.end(), point.point3D_id))

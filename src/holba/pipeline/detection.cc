@@ -4,6 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "holba/base/error.h"
@@ -36,6 +40,11 @@ uint64_t HashOf(const ImportedSegments& imported) {
   return hash;
 }
 
+// A part of the settings that says which photograph features are of.
+std::string PhotographText(const fs::path& path) {
+  return fmt::format(" photograph={:016x}", HashFile(path));
+}
+
 struct ImageTask {
   image_t image_id, database_id;
   const Image* image;
@@ -45,7 +54,21 @@ struct ImageTask {
   std::string feature_settings, vp_settings;
   bool has_features = false, has_vps = false;
   ImageFeatures features;
+  fs::path mask;
+  bool is_cut_off = false;
+  std::optional<std::string> fault;  // why its photograph is left out
 };
+
+// Where COLMAP looks for it.
+fs::path MaskOf(const std::string& mask_path, const std::string& name) {
+  const fs::path folder = mask_path;
+  fs::path mask = folder / (name + ".png");
+  std::string extension = fs::path(name).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  if (!fs::exists(mask) && extension == ".png" && fs::exists(folder / name)) mask = folder / name;
+  return mask;
+}
 
 void ReadStored(const Database& database, ImageTask* task) {
   ImageFeatures& f = task->features;
@@ -66,22 +89,41 @@ void ReadStored(const Database& database, ImageTask* task) {
   }
 }
 
+// Throws InputError if it is not there, cannot be read, or has not the camera's size.
+GreyImage ReadOfSize(const fs::path& path, const Camera& camera, const char* what,
+                     const char* remedy) {
+  GreyImage image = ReadGreyImage(path);
+  if (static_cast<uint64_t>(image.width) != camera.width ||
+      static_cast<uint64_t>(image.height) != camera.height) {
+    throw InputError(
+        path, fmt::format("the {} has {} x {} pixels, its camera in the model {} x {}; {}", what,
+                          image.width, image.height, camera.width, camera.height, remedy));
+  }
+  return image;
+}
+
+GreyImage ReadMask(const fs::path& path, const Camera& camera) {
+  if (!fs::exists(path)) {
+    throw InputError(path,
+                     "there is no such mask; --mask_path must have one for each image NAME, "
+                     "NAME.png, white where features are wanted");
+  }
+  return ReadOfSize(path, camera, "mask", "it must have the size of its photograph");
+}
+
 void Detect(const DetectionOptions& options, const Reconstruction& model, ImageTask* task) {
   ImageFeatures& f = task->features;
   if (!task->has_features) {
-    const GreyImage photograph = ReadGreyImage(task->path);
-    if (static_cast<uint64_t>(photograph.width) != task->camera->width ||
-        static_cast<uint64_t>(photograph.height) != task->camera->height) {
-      throw InputError(
-          task->path,
-          fmt::format("the photograph has {} x {} pixels, its camera in the model {} x {}; "
-                      "--image_path must be the folder of the photographs that the model "
-                      "was made from",
-                      photograph.width, photograph.height, task->camera->width,
-                      task->camera->height));
-    }
+    const GreyImage photograph =
+        ReadOfSize(task->path, *task->camera, "photograph",
+                   "--image_path must be the folder of the photographs that the model was made "
+                   "from");
+    task->is_cut_off = photograph.ends_early;
+    std::optional<GreyImage> mask;
+    if (!task->mask.empty()) mask = ReadMask(task->mask, *task->camera);
     f = ExtractFeatures(options.extraction, photograph, *task->camera,
-                        task->imported ? &task->imported->segments : nullptr);
+                        task->imported ? &task->imported->segments : nullptr,
+                        mask ? &*mask : nullptr);
     if (task->imported && !task->imported->descriptors.empty())
       f.segment_descriptors = task->imported->descriptors;
   }
@@ -117,7 +159,106 @@ void Store(const ImageTask& task, Database* database) {
   transaction.Commit();
 }
 
+// Warnings name this many pictures, and count the others.
+constexpr size_t kMaxNumNamed = 10;
+
+std::string AndMore(size_t num_all) {
+  return num_all > kMaxNumNamed ? fmt::format(" (and {} more)", num_all - kMaxNumNamed) : "";
+}
+
+// Says which pictures are left out; throws if that is not wanted, or if none is left.
+void HandleLeftOut(bool strict, const DetectionReport& report) {
+  if (!report.left_out.empty()) {
+    const LeftOutPhotograph& first = report.left_out.front();
+    if (strict || report.left_out.size() == report.num_images) {
+      throw InputError(report.num_images == 1
+                           ? first.reason
+                           : fmt::format("{} ({} of {} photographs cannot be used)", first.reason,
+                                         report.left_out.size(), report.num_images));
+    }
+    LogWarning(
+        "{} of {} photographs are left out (their points take part, nothing is looked for in them; "
+        "--strict 1 stops instead):",
+        report.left_out.size(), report.num_images);
+    for (size_t i = 0; i < std::min(kMaxNumNamed, report.left_out.size()); ++i)
+      LogWarning("  {}", report.left_out[i].reason);
+    if (report.left_out.size() > kMaxNumNamed)
+      LogWarning("  and {} more", report.left_out.size() - kMaxNumNamed);
+  }
+  if (!report.cut_off.empty()) {
+    std::string names;
+    for (size_t i = 0; i < std::min(kMaxNumNamed, report.cut_off.size()); ++i)
+      names += (i ? ", " : "") + report.cut_off[i];
+    LogWarning(
+        "The files of {} photographs end too early, what they lack is taken as grey; copy them "
+        "anew: {}{}",
+        report.cut_off.size(), names, AndMore(report.cut_off.size()));
+  }
+}
+
+// Whether the first of the model's points2D are keypoints of the database, as they are for the
+// database that the model was made from. Empty: there is nothing to compare.
+std::optional<bool> HasKeypointsOf(const Image& image, const Keypoints& keypoints) {
+  constexpr size_t kMaxNumCompared = 50;
+  constexpr double kSamePx = 1.0;
+  if (image.points2D.empty() || keypoints.size() == 0) return std::nullopt;
+  // Refined models have points appended to those of the database.
+  const size_t num_points = std::min(image.points2D.size(), keypoints.size());
+  const size_t count = std::min(num_points, kMaxNumCompared);
+  size_t num_found = 0;
+  for (size_t k = 0; k < count; ++k) {
+    const Eigen::Vector2d& xy = image.points2D[k * num_points / count].xy;
+    bool found = false;
+    for (size_t i = 0; i < keypoints.size() && !found; ++i)
+      found = (keypoints.Position(i) - xy).squaredNorm() < kSamePx * kSamePx;
+    num_found += found;
+  }
+  return 2 * num_found >= count;
+}
+
 }  // namespace
+
+void CheckDatabase(const Database& database, const PhotographFolder& image_path,
+                   const Reconstruction& model) {
+  constexpr size_t kMaxNumChecked = 20;  // evenly spread: the answer is the same for all
+  std::map<std::string, image_t> ids_by_name;
+  for (const auto& [image_id, image] : database.ReadImages()) ids_by_name[image.name] = image_id;
+  if (ids_by_name.empty()) return;
+  std::vector<std::pair<const Image*, image_t>> common;
+  for (const auto& [image_id, image] : model.images) {
+    const auto found = ids_by_name.find(image.name);
+    if (found != ids_by_name.end()) common.emplace_back(&image, found->second);
+  }
+  if (common.empty()) {
+    LogWarning("The database {} has {} images, none of this model; the model's images are added",
+               database.path().string(), ids_by_name.size());
+    return;
+  }
+  size_t num_compared = 0;
+  std::vector<const Image*> others;
+  const size_t count = std::min(common.size(), kMaxNumChecked);
+  for (size_t k = 0; k < count; ++k) {
+    const auto& [image, id] = common[k * common.size() / count];
+    const std::optional<Keypoints> keypoints = database.ReadKeypoints(id);
+    const std::optional<bool> same = keypoints ? HasKeypointsOf(*image, *keypoints) : std::nullopt;
+    if (!same) continue;
+    ++num_compared;
+    if (*same) continue;
+    // The same photographs with other keypoints are those that were looked at before.
+    const std::optional<std::string> settings = database.ReadSegmentSettings(id);
+    if (settings && settings->find(PhotographText(image_path / image->name)) != std::string::npos)
+      continue;
+    others.push_back(image);
+  }
+  if (2 * others.size() <= num_compared) return;
+  throw InputError(
+      database.path(),
+      fmt::format(
+          "of {} images with names of the model, {} have other keypoints here (first '{}'): "
+          "this is the database of other photographs; give the one that the model was made "
+          "from (--database_path), or a file that does not exist yet",
+          num_compared, others.size(), others.front()->name));
+}
 
 void ImportPaths::Describe(OptionTable* table) const {
   table->Section("Import");
@@ -161,7 +302,16 @@ void ImportPaths::Check() const {
   }
 }
 
+void DetectionOptions::Check() const {
+  if (!mask_path.empty() && !fs::is_directory(mask_path))
+    throw InputError(mask_path, "there is no such folder (--mask_path)");
+  imports.Check();
+}
+
 void DetectionOptions::Describe(OptionTable* table) const {
+  table->Field("mask_path", &mask_path,
+               "Folder of masks, as COLMAP's --ImageReader.mask_path: no features where the image "
+               "NAME.png is 0 (segments of other programs are taken as they are).");
   imports.Describe(table);
   segment_import.Describe(table);
   region_normals.Describe(table);
@@ -198,11 +348,14 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
       task.imported = &(*imported)[image_id];
       task.feature_settings += fmt::format(" imported={:016x}", HashOf(*task.imported));
     }
+    if (!options.mask_path.empty()) task.mask = MaskOf(options.mask_path, image.name);
     tasks.push_back(std::move(task));
   }
   ParallelTasks(options.num_threads, tasks.size(), [&](size_t i) {
     ImageTask& task = tasks[i];
-    task.feature_settings += fmt::format(" photograph={:016x}", HashFile(task.path));
+    if (!task.mask.empty())
+      task.feature_settings += fmt::format(" mask={:016x}", HashFile(task.mask));
+    task.feature_settings += PhotographText(task.path);
     task.vp_settings =
         fmt::format("{} of {} camera={}", vp_text, task.feature_settings, ToString(*task.camera));
   });
@@ -216,12 +369,29 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
   report->images_reused = tasks.size() - open.size();
   for (size_t begin = 0; begin < open.size(); begin += kImagesPerWrite) {
     const size_t count = std::min(kImagesPerWrite, open.size() - begin);
-    ParallelTasks(options.num_threads, count,
-                  [&](size_t i) { Detect(options, model, open[begin + i]); });
+    ParallelTasks(options.num_threads, count, [&](size_t i) {
+      ImageTask& task = *open[begin + i];
+      try {
+        Detect(options, model, &task);
+      } catch (const InputError& error) {
+        task.fault = error.what();
+        task.features = {};
+      }
+    });
     Database::Transaction transaction(database);
-    for (size_t i = 0; i < count; ++i) Store(*open[begin + i], database);
+    for (size_t i = 0; i < count; ++i) {
+      const ImageTask& task = *open[begin + i];
+      if (task.fault) {
+        report->left_out.push_back({task.image_id, *task.fault});
+      } else {
+        Store(task, database);
+      }
+      if (task.is_cut_off && !task.fault) report->cut_off.push_back(task.image->name);
+    }
     transaction.Commit();
+    if (options.strict && !report->left_out.empty()) break;
   }
+  HandleLeftOut(options.strict, *report);
 
   ImageFeatureMap features;
   for (ImageTask& task : tasks) {

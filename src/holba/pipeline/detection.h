@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "holba/estimation/directions/vanishing_points.h"
 #include "holba/frontend/detectors/feature_extractor.h"
@@ -32,7 +33,18 @@ struct ImportPaths {
   void Check() const;
 };
 
+// A picture that cannot be read or does not fit its camera. Its image stays in the model.
+struct LeftOutPhotograph {
+  image_t image_id = kInvalidId32;
+  std::string reason;  // names the file
+};
+
 struct DetectionOptions {
+  // Folder of masks as COLMAP's --ImageReader.mask_path has them: for the image NAME the file
+  // NAME.png (or, of a PNG, NAME), with 0 where no features are. Empty: none.
+  std::string mask_path;
+  // Pictures that are to be left out are an InputError.
+  bool strict = false;
   ImportPaths imports;
   SegmentImportOptions segment_import;
   RegionNormalOptions region_normals;
@@ -41,6 +53,8 @@ struct DetectionOptions {
   int num_threads = -1;
 
   void Describe(OptionTable* table) const;
+  // Throws InputError for folders and files that are not there.
+  void Check() const;
 };
 
 struct DetectionReport {
@@ -48,16 +62,25 @@ struct DetectionReport {
   size_t images_reused = 0;  // all of it was in the database
   size_t num_segments = 0, num_corners = 0, num_vanishing_points = 0, num_labelled_regions = 0;
   std::map<std::string, size_t> dropped;  // of imports
+  std::vector<LeftOutPhotograph> left_out;
+  std::vector<std::string> cut_off;  // names of images whose file ends early
   double detect_seconds = 0.0;
 };
 
-// Features of every image of the model. `database_id`: Database::MatchImages. `imported`: the
-// segments of other programs, where there are such.
-ImageFeatureMap DetectFeatures(const DetectionOptions& options, const PhotographFolder& image_path,
-                               const Reconstruction& model,
+// Features of every image of the model; of one whose photograph is left out: none. Throws
+// InputError if that is so for all. `database_id`: Database::MatchImages. `imported`: the segments
+// of other programs, where there are such.
+ImageFeatureMap DetectFeatures(const DetectionOptions& options,
+                               const PhotographFolder& image_path, const Reconstruction& model,
                                const std::map<image_t, image_t>& database_id, Database* database,
                                std::map<image_t, ImportedSegments>* imported,
                                DetectionReport* report);
+
+// Throws InputError if the keypoints of most of the database's images that have names of the model
+// are others than the model's, and it does not know the photographs either: it is of another set,
+// whose names are alike.
+void CheckDatabase(const Database& database, const PhotographFolder& image_path,
+                   const Reconstruction& model);
 
 // One line, for the log.
 std::string DetectionText(const DetectionReport& report, const std::filesystem::path& database);

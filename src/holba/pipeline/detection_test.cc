@@ -4,11 +4,13 @@
 #include <gmock/gmock.h>
 
 #include "holba/base/error.h"
+#include "holba/io/files.h"
 #include "holba/pipeline/pipeline_testing.h"
 
 namespace holba {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 class Detection : public PipelineTest {
@@ -107,6 +109,28 @@ TEST_F(Detection, RefusesPhotographsOfAnotherSize) {
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), HasSubstr("240 x 180 pixels, its camera in the model 300 x 180"));
   }
+}
+
+TEST_F(Detection, LeavesOutWhatCannotBeReadAndNamesWhatEndsEarly) {
+  DetectionReport report;
+  const ImageFeatureMap whole = Detect(&report);
+  std::filesystem::remove(folder_ / "database.db");
+  // A JPEG is read whatever its name.
+  WriteImage(ReadColourImage(folder_ / "5.png"), folder_ / "5.jpg");
+  const std::string bytes = ReadFileBytes(folder_ / "5.jpg");
+  Write("5.png", bytes.substr(0, bytes.size() - 400));
+  Write("8.png", "text");
+  const ImageFeatureMap features = Detect(&report);
+  EXPECT_THAT(report.cut_off, ElementsAre("5.png"));
+  ASSERT_EQ(report.left_out.size(), 1u);
+  EXPECT_EQ(report.left_out[0].image_id, 8u);
+  EXPECT_THAT(report.left_out[0].reason, HasSubstr("8.png"));
+  EXPECT_TRUE(features.at(8).segments.empty());
+  EXPECT_TRUE(features.at(8).corners.empty());
+  EXPECT_GE(features.at(5).segments.size(), 8u);
+  EXPECT_EQ(features.at(3).corners, whole.at(3).corners);
+  options_.strict = true;
+  EXPECT_THROW(Detect(&report), InputError);
 }
 
 TEST(ImportPaths, SayWhatIsMissing) {

@@ -16,8 +16,13 @@
 namespace holba {
 namespace {
 
+// Not so where a photograph is left out, whatever the database or other files have of it.
+bool HaveSegments(const ImageFeatureMap& features, const ImagePair& pair) {
+  return !features.at(pair.first).segments.empty() && !features.at(pair.second).segments.empty();
+}
+
 void ImportMatches(const std::string& import_path, const Reconstruction& model,
-                   const std::map<image_t, image_t>& database_id,
+                   const ImageFeatureMap& features, const std::map<image_t, image_t>& database_id,
                    const std::map<image_t, ImportedSegments>& imported, Database* database,
                    LineMatchMap* matches, MatchLinesReport* report) {
   LineMatchImportReport import_report;
@@ -26,6 +31,13 @@ void ImportMatches(const std::string& import_path, const Reconstruction& model,
   report->matches_imported = true;
   report->num_pairs = import_report.num_pairs;
   report->num_line_matches = import_report.num_matches;
+  std::erase_if(*matches, [&](const auto& entry) {
+    if (HaveSegments(features, entry.first)) return false;
+    const size_t num_matches = entry.second.size();
+    report->num_line_matches -= num_matches;
+    report->dropped["match: of an image whose photograph is left out"] += num_matches;
+    return true;
+  });
   Database::Transaction transaction(database);
   for (const auto& [pair, list] : *matches) {
     database->WriteLineMatches(database_id.at(pair.first), database_id.at(pair.second), "imported",
@@ -90,7 +102,7 @@ LineMatchMap MatchLines(const MatchLinesOptions& options, const std::string& imp
   const Timer timer;
   LineMatchMap matches;
   if (!import_path.empty()) {
-    ImportMatches(import_path, model, database_id, imported, database, &matches, report);
+    ImportMatches(import_path, model, features, database_id, imported, database, &matches, report);
     report->match_seconds = timer.Seconds();
     return matches;
   }
@@ -100,18 +112,22 @@ LineMatchMap MatchLines(const MatchLinesOptions& options, const std::string& imp
   const ViewMap views(model);
   std::vector<PairTask> open;
   for (const auto& [pair, points] : pairs) {
+    if (!HaveSegments(features, pair)) {
+      matches.emplace(pair, std::vector<LineMatch>{});
+      continue;
+    }
     const Eigen::Matrix3d F = FundamentalMatrix(views.at(pair.first), views.at(pair.second));
     std::string settings = SettingsOfPair(text, model, pair, points, F);
     auto stored = database->ReadLineMatches(database_id.at(pair.first), database_id.at(pair.second),
                                             settings);
     if (stored) {
       matches.emplace(pair, std::move(*stored));
+      ++report->pairs_reused;
     } else {
       open.push_back({pair, &points, F, std::move(settings), {}});
     }
   }
   report->num_pairs = pairs.size();
-  report->pairs_reused = matches.size();
 
   MatchPairs(options, model, features, &open);
   Database::Transaction transaction(database);

@@ -7,10 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "holba/base/temporary_paths.h"
 #include "holba/base/threads.h"
-#include "holba/frontend/photographs/photograph.h"
 #include "holba/frontend/drawing/pictures.h"
+#include "holba/frontend/photographs/photograph.h"
 #include "holba/io/files.h"
 #include "holba/io/ply.h"
 
@@ -19,6 +18,10 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr int kTopViewPx = 1200;
+constexpr const char* kStructurePly = "structure.ply";
+constexpr const char* kPointsPly = "points.ply";
+constexpr const char* kPictures = "pictures";
+constexpr const char* kOldStage = ".pictures.new";
 
 // For each image a name of its own: names of images may have folders, pictures lie side by side.
 std::vector<std::string> FlatStems(const Reconstruction& model) {
@@ -38,38 +41,43 @@ std::vector<std::string> FlatStems(const Reconstruction& model) {
 
 }  // namespace
 
-void WriteStructurePly(const Reconstruction& model, const fs::path& folder) {
-  WritePly(model, folder / "structure.ply", {.points = false, .lines = true, .groups = true});
-  WritePly(model, folder / "points.ply", {.points = true, .lines = false, .groups = false});
+void StageStructurePly(const Reconstruction& model, StagedFolder* stage) {
+  const auto write = [&](const char* name, const PlyContent& content) {
+    stage->Write(name, [&](std::ostream* stream) { FormatPly(model, content, stream); });
+  };
+  write(kStructurePly, {.points = false, .lines = true, .groups = true});
+  write(kPointsPly, {.points = true, .lines = false, .groups = false});
 }
 
-void WritePictures(const Reconstruction& model, const PhotographFolder& image_path,
-                   const fs::path& folder, int num_pictures, int num_threads) {
-  const size_t num_images = model.images.size();
+void StagePictures(const Reconstruction& model, const PhotographFolder& image_path,
+                   const std::set<image_t>& without_photograph, int num_pictures, int num_threads,
+                   StagedFolder* stage) {
+  std::vector<size_t> shown;  // indices of images
+  for (size_t i = 0; i < model.images.size(); ++i) {
+    if (!without_photograph.contains((model.images.begin() + i)->first)) shown.push_back(i);
+  }
+  const size_t num_images = shown.size();
   const size_t count =
       num_pictures < 0 ? num_images : std::min(num_images, static_cast<size_t>(num_pictures));
-  // Filled beside it and renamed, so that an interrupted run leaves the old pictures or the new.
-  const TemporaryPath stage(folder / ".pictures.new");
-  fs::remove_all(stage.path());
-  fs::create_directories(stage.path());
+  const fs::path folder = stage->path() / kPictures;
+  fs::create_directory(folder);
   const std::vector<std::string> stems = FlatStems(model);
   ParallelTasks(num_threads, count + 1, [&](size_t i) {
     if (i == count) {
-      WriteImage(DrawTopView(model, kTopViewPx), stage.path() / "top_view.png");
+      WriteImage(DrawTopView(model, kTopViewPx), folder / "top_view.png");
       return;
     }
-    const size_t image_idx = i * num_images / count;
+    const size_t image_idx = shown[i * num_images / count];
     const auto& [image_id, image] = *(model.images.begin() + image_idx);
     const ColourImage photograph = ReadColourImage(image_path / image.name);
     const std::string& stem = stems[image_idx];
-    WriteImage(DrawSegments(model, image_id, photograph), stage.path() / (stem + "_lines.jpg"));
-    WriteImage(DrawGroups(model, image_id, photograph), stage.path() / (stem + "_groups.jpg"));
-    WriteImage(DrawWireframe(model, image_id, photograph),
-               stage.path() / (stem + "_wireframe.jpg"));
+    WriteImage(DrawSegments(model, image_id, photograph), folder / (stem + "_lines.jpg"));
+    WriteImage(DrawGroups(model, image_id, photograph), folder / (stem + "_groups.jpg"));
+    WriteImage(DrawWireframe(model, image_id, photograph), folder / (stem + "_wireframe.jpg"));
   });
-  const HoldSignals hold;
-  fs::remove_all(folder / "pictures");
-  fs::rename(stage.path(), folder / "pictures");
 }
+
+bool IsPly(std::string_view name) { return name == kStructurePly || name == kPointsPly; }
+bool IsPictureFolder(std::string_view name) { return name == kPictures || name == kOldStage; }
 
 }  // namespace holba

@@ -3,19 +3,28 @@
 #pragma once
 
 #include <filesystem>
+#include <set>
+#include <string_view>
 
+#include "holba/io/files.h"
 #include "holba/pipeline/photograph_folder.h"
 #include "holba/scene/reconstruction.h"
 
 namespace holba {
 
-// FOLDER/structure.ply: lines and groups; FOLDER/points.ply: points.
-void WriteStructurePly(const Reconstruction& model, const std::filesystem::path& folder);
+// structure.ply: lines and groups; points.ply: points.
+void StageStructurePly(const Reconstruction& model, StagedFolder* stage);
 
-// FOLDER/pictures: for `num_pictures` images spread evenly over the model (-1: all) the photograph
+// pictures/: for `num_pictures` images spread evenly over the model (-1: all) the photograph
 // with its segments by vanishing point, its groups, its junctions; and the scene from above.
-// Pictures of an earlier run are replaced as a whole.
-void WritePictures(const Reconstruction& model, const PhotographFolder& image_path,
-                   const std::filesystem::path& folder, int num_pictures, int num_threads);
+// `without_photograph`: images that are passed over.
+void StagePictures(const Reconstruction& model, const PhotographFolder& image_path,
+                   const std::set<image_t>& without_photograph, int num_pictures, int num_threads,
+                   StagedFolder* stage);
+
+// The names of these, for the stage's Commit: pictures of an earlier run are replaced as a whole.
+// (Until 0.1 they were prepared in a folder .pictures.new, which a killed run left.)
+bool IsPly(std::string_view name);
+bool IsPictureFolder(std::string_view name);
 
 }  // namespace holba

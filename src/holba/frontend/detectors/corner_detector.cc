@@ -32,13 +32,17 @@ void CornerOptions::Describe(OptionTable* table) const {
                "Least distance between corners, pixels.");
 }
 
-Corners DetectCorners(const CornerOptions& options, const GreyImage& image) {
+Corners DetectCorners(const CornerOptions& options, const GreyImage& image, const GreyImage* mask) {
   Corners corners;
   if (options.max_num_corners == 0) return corners;
   const cv::Mat grey(image.height, image.width, CV_8UC1, const_cast<uint8_t*>(image.pixels.data()));
+  cv::Mat allowed;
+  if (mask != nullptr)
+    allowed =
+        cv::Mat(mask->height, mask->width, CV_8UC1, const_cast<uint8_t*>(mask->pixels.data()));
   std::vector<cv::Point2f> found;
   cv::goodFeaturesToTrack(grey, found, options.max_num_corners, options.quality,
-                          options.min_distance_px, cv::noArray(), kBlockSize);
+                          options.min_distance_px, allowed, kBlockSize);
   if (found.empty()) return corners;
   std::vector<cv::Point2f> moved = found;
   cv::cornerSubPix(grey, moved, cv::Size(kHalfWindowPx, kHalfWindowPx), cv::Size(-1, -1),
@@ -58,6 +62,7 @@ Corners DetectCorners(const CornerOptions& options, const GreyImage& image) {
       continue;
     // OpenCV counts from the centre of the first pixel.
     const float x = moved[i].x + 0.5f, y = moved[i].y + 0.5f;
+    if (mask != nullptr && !IsUnmasked(*mask, {x, y})) continue;
     key_points.emplace_back(scale_x * x - 0.5f, scale_y * y - 0.5f, 0.5f * kKeyPointSizePx, 0.0f);
     corners.positions.emplace_back(x, y);
   }

@@ -26,6 +26,8 @@ struct Corners {
   std::vector<uint8_t> descriptors;        // kCornerDescriptorSize for each; upright
 };
 
-Corners DetectCorners(const CornerOptions& options, const GreyImage& image);
+// `mask`: of the image's size, corners are where it is not 0; null: anywhere.
+Corners DetectCorners(const CornerOptions& options, const GreyImage& image,
+                      const GreyImage* mask = nullptr);
 
 }  // namespace holba

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 #include <tuple>
 
 #include "holba/frontend/detectors/lbd_descriptor.h"
@@ -23,12 +25,36 @@ constexpr double kBorderPx = 3.0;
 // The border itself, curved on the canvas, is found in pieces that leave it here and there.
 constexpr double kMinShownShare = 0.75;
 
+// The longest part of a segment of the canvas that the mask of the photograph allows.
+std::optional<LineSegment2d> UnmaskedPart(const GreyImage& mask, const IdealCanvas& canvas,
+                                          const LineSegment2d& segment) {
+  // Places at most half a pixel apart.
+  const int num_steps = std::max(1, static_cast<int>(std::ceil(2.0 * segment.Length())));
+  const Eigen::Vector2d step = (segment.end - segment.start) / num_steps;
+  int best_first = 0, best_size = 0, size = 0;
+  for (int i = 0; i <= num_steps; ++i) {
+    const auto pixel = canvas.ToPixel(segment.start + i * step);
+    size = pixel && IsUnmasked(mask, *pixel) ? size + 1 : 0;
+    if (size > best_size) {
+      best_size = size;
+      best_first = i - size + 1;
+    }
+  }
+  if (best_size == num_steps + 1) return segment;
+  if (best_size < 2) return std::nullopt;
+  return LineSegment2d{segment.start + best_first * step,
+                       segment.start + (best_first + best_size - 1) * step};
+}
+
 std::vector<LineSegment2d> DetectSegments(const SegmentOptions& options, const IdealCanvas& canvas,
-                                          const GreyImage& image, const GradientImage& gradients) {
+                                          const GreyImage& image, const GradientImage& gradients,
+                                          const GreyImage* mask) {
   std::vector<LineSegment2d> segments;
   for (const LineSegment2d& found : FindSegmentDetector(options.detector).detect(options, image)) {
-    const auto shown = canvas.ShownPart(found, kBorderPx);
-    if (shown && shown->Length() >= kMinShownShare * found.Length()) segments.push_back(*shown);
+    auto shown = canvas.ShownPart(found, kBorderPx);
+    if (!shown || shown->Length() < kMinShownShare * found.Length()) continue;
+    if (mask != nullptr) shown = UnmaskedPart(*mask, canvas, *shown);
+    if (shown) segments.push_back(*shown);
   }
   std::erase_if(segments, [&](const LineSegment2d& segment) {
     return !(segment.Length() >= options.min_length_px);
@@ -37,6 +63,14 @@ std::vector<LineSegment2d> DetectSegments(const SegmentOptions& options, const I
   if (options.refine) {
     for (LineSegment2d& segment : segments)
       segment = RefineSegment(gradients, segment).value_or(segment);
+  }
+  if (mask != nullptr) {
+    // Refinement may have moved them across the mask's border.
+    std::erase_if(segments, [&](LineSegment2d& segment) {
+      const auto part = UnmaskedPart(*mask, canvas, segment);
+      if (part) segment = *part;
+      return !part || part->Length() < options.min_length_px;
+    });
   }
   const auto order = [](const LineSegment2d& s) {
     return std::tuple(-s.Length(), s.start.x(), s.start.y(), s.end.x(), s.end.y());
@@ -56,7 +90,8 @@ void ExtractionOptions::Describe(OptionTable* table) const {
 }
 
 ImageFeatures ExtractFeatures(const ExtractionOptions& options, const GreyImage& image,
-                              const Camera& camera, const std::vector<LineSegment2d>* given) {
+                              const Camera& camera, const std::vector<LineSegment2d>* given,
+                              const GreyImage* mask) {
   HoldOpenCvThreads();
   const IdealCanvas canvas(camera);
   const GreyImage straight = canvas.Resample(image);
@@ -76,7 +111,7 @@ ImageFeatures ExtractFeatures(const ExtractionOptions& options, const GreyImage&
   } else {
     // Refinement moves ends by less than the border of what is shown.
     for (const LineSegment2d& segment :
-         DetectSegments(options.segments, canvas, straight, gradients)) {
+         DetectSegments(options.segments, canvas, straight, gradients, mask)) {
       const auto start = canvas.ToPixel(segment.start), end = canvas.ToPixel(segment.end);
       if (!start || !end) continue;
       described.push_back(segment);
@@ -84,7 +119,7 @@ ImageFeatures ExtractFeatures(const ExtractionOptions& options, const GreyImage&
     }
   }
   features.segment_descriptors = DescribeSegments(gradients, described);
-  Corners corners = DetectCorners(options.corners, image);
+  Corners corners = DetectCorners(options.corners, image, mask);
   features.corners = std::move(corners.positions);
   features.corner_descriptors = std::move(corners.descriptors);
   return features;

@@ -24,10 +24,12 @@ struct ExtractionOptions {
 // straight and given in pixels of the photograph, the longest there first. Same image, options and
 // camera: same features; may be called from several threads. `given`: segments that another
 // detector found (pixels of the photograph), taken as they are but turned, in their order, instead
-// of ours; null: ours.
+// of ours; null: ours. `mask`: of the image's size; no corner and no part of a segment of ours is
+// where it is 0; null: they are anywhere.
 ImageFeatures ExtractFeatures(const ExtractionOptions& options, const GreyImage& image,
                               const Camera& camera,
-                              const std::vector<LineSegment2d>* given = nullptr);
+                              const std::vector<LineSegment2d>* given = nullptr,
+                              const GreyImage* mask = nullptr);
 
 // Everything but the image that the features depend on, in one line of text: features stored with
 // another one are out of date.

@@ -17,8 +17,6 @@ namespace holba {
 namespace {
 
 constexpr int kQuality = 92;
-// A header may claim up to 65500 x 65500; this is 200 megapixels in colour.
-constexpr size_t kMaxBytes = size_t{600} << 20;
 
 using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
 
@@ -28,6 +26,7 @@ struct ErrorHandler {
   jpeg_error_mgr manager;
   std::jmp_buf back;
   char message[JMSG_LENGTH_MAX] = {};
+  bool ends_early = false;
 };
 
 void Fail(j_common_ptr info) {
@@ -38,9 +37,10 @@ void Fail(j_common_ptr info) {
 
 void Ignore(j_common_ptr) {}
 
-// Most warnings are about what does not matter; a file that ends too early is no photograph.
+// Most warnings are about what does not matter.
 void Warn(j_common_ptr info, int level) {
-  if (level < 0 && info->err->msg_code == JWRN_JPEG_EOF) Fail(info);
+  if (level < 0 && info->err->msg_code == JWRN_JPEG_EOF)
+    reinterpret_cast<ErrorHandler*>(info->err)->ends_early = true;
 }
 
 void SetHandler(ErrorHandler* handler) {
@@ -50,8 +50,9 @@ void SetHandler(ErrorHandler* handler) {
   handler->manager.output_message = Ignore;
 }
 
-// False: handler->message says why.
-bool Decode(std::FILE* file, bool grey, ErrorHandler* handler, DecodedImage* image) {
+// False: handler->message says why. `channels`: 1, 3 or 4 (CMYK, whatever `grey` says).
+bool Decode(std::FILE* file, bool grey, ErrorHandler* handler, DecodedImage* image,
+            size_t* channels) {
   jpeg_decompress_struct info;
   SetHandler(handler);
   info.err = &handler->manager;
@@ -62,12 +63,13 @@ bool Decode(std::FILE* file, bool grey, ErrorHandler* handler, DecodedImage* ima
   jpeg_create_decompress(&info);
   jpeg_stdio_src(&info, file);
   jpeg_read_header(&info, TRUE);
-  info.out_color_space = grey ? JCS_GRAYSCALE : JCS_RGB;
+  const bool is_cmyk = info.jpeg_color_space == JCS_CMYK || info.jpeg_color_space == JCS_YCCK;
+  info.out_color_space = is_cmyk ? JCS_CMYK : grey ? JCS_GRAYSCALE : JCS_RGB;
   jpeg_start_decompress(&info);
-  const size_t channels = grey ? 1 : 3;
-  const size_t row_bytes = channels * info.output_width;
-  if (static_cast<size_t>(info.output_components) != channels ||
-      row_bytes * info.output_height > kMaxBytes) {
+  *channels = is_cmyk ? 4 : grey ? 1 : 3;
+  const size_t row_bytes = *channels * info.output_width;
+  if (static_cast<size_t>(info.output_components) != *channels ||
+      row_bytes * info.output_height > kMaxImageBytes) {
     std::snprintf(handler->message, sizeof(handler->message),
                   "images of this kind or size are not read");
     jpeg_destroy_decompress(&info);
@@ -120,10 +122,21 @@ DecodedImage ReadJpeg(const std::filesystem::path& path, bool grey) {
   if (!file) throw InputError(path, "cannot be opened for reading");
   DecodedImage image;
   ErrorHandler handler;
-  if (!Decode(file.get(), grey, &handler, &image))
+  size_t channels = 0;
+  if (!Decode(file.get(), grey, &handler, &image, &channels))
     throw InputError(path, std::string("the JPEG file cannot be decoded: ") + handler.message +
                                "; save it anew, in RGB or grey, under the same name");
-  return image;
+  image.ends_early = handler.ends_early;
+  if (channels < 4) return image;
+  const size_t num_pixels = image.pixels.size() / 4;
+  for (size_t i = 0; i < num_pixels; ++i) {
+    const uint8_t* cmyk = &image.pixels[4 * i];
+    const uint32_t cmy[3] = {cmyk[0], cmyk[1], cmyk[2]}, black = cmyk[3];
+    for (size_t c = 0; c < 3; ++c)
+      image.pixels[3 * i + c] = static_cast<uint8_t>((cmy[c] * black + 127) / 255);
+  }
+  image.pixels.resize(3 * num_pixels);
+  return grey ? ToGrey(image) : image;
 }
 
 bool WriteJpeg(const ColourImage& image, const std::filesystem::path& path) {

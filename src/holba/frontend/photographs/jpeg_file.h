@@ -2,21 +2,16 @@
 // JPEG files by libjpeg.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
-#include <vector>
 
+#include "holba/frontend/photographs/decoded_image.h"
 #include "holba/frontend/photographs/photograph.h"
 
 namespace holba {
 
-struct DecodedImage {
-  int width = 0;
-  int height = 0;
-  std::vector<uint8_t> pixels;  // row by row: one value each, or RGB
-};
-
-// Grey: the brightness that the file holds (Y of YCbCr). Throws InputError.
+// Grey: the brightness that the file holds (Y of YCbCr). CMYK becomes RGB as in COLMAP's reader:
+// R = C K, for the values as stored, which programs invert. A file that ends within its pixels is
+// read as far as it goes. Throws InputError.
 DecodedImage ReadJpeg(const std::filesystem::path& path, bool grey);
 // False: it cannot be written.
 bool WriteJpeg(const ColourImage& image, const std::filesystem::path& path);

@@ -4,17 +4,31 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
 #include <string>
+#include <string_view>
 
 #include "holba/base/error.h"
 #include "holba/frontend/photographs/jpeg_file.h"
+#include "holba/frontend/photographs/plain_files.h"
 #include "holba/frontend/photographs/png_file.h"
+#include "holba/frontend/photographs/tiff_file.h"
 
 namespace holba {
 namespace {
 
+std::string ReadAll(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  if (!file) throw InputError(path, "cannot be read");
+  return bytes;
+}
+
 // What a file says it is by its first bytes: extensions lie.
-enum class Format { kUnknown, kJpeg, kPng };
+enum class Format { kUnknown, kJpeg, kPng, kTiff, kBmp, kPnm };
 
 Format FormatOf(const std::filesystem::path& path) {
   if (!std::filesystem::is_regular_file(path)) {
@@ -24,34 +38,54 @@ Format FormatOf(const std::filesystem::path& path) {
   }
   std::FILE* file = std::fopen(path.c_str(), "rb");
   if (file == nullptr) throw InputError(path, "cannot be opened for reading");
-  unsigned char head[8] = {};
-  const size_t size = std::fread(head, 1, sizeof(head), file);
+  char bytes[8] = {};
+  const std::string_view head(bytes, std::fread(bytes, 1, sizeof(bytes), file));
   std::fclose(file);
-  if (size >= 3 && head[0] == 0xff && head[1] == 0xd8 && head[2] == 0xff) return Format::kJpeg;
-  constexpr unsigned char kPng[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
-  if (size == 8 && std::equal(head, head + 8, kPng)) return Format::kPng;
+  using namespace std::string_view_literals;
+  if (head.starts_with("\xff\xd8\xff"sv)) return Format::kJpeg;
+  if (head == "\x89PNG\r\n\x1a\n"sv) return Format::kPng;
+  // Also with 64 bit offsets (43, '+').
+  for (const std::string_view tiff : {"II*\0"sv, "MM\0*"sv, "II+\0"sv, "MM\0+"sv}) {
+    if (head.starts_with(tiff)) return Format::kTiff;
+  }
+  if (head.starts_with("BM"sv)) return Format::kBmp;
+  if (head.size() > 2 && head[0] == 'P' && head[1] >= '1' && head[1] <= '6' &&
+      (std::isspace(static_cast<unsigned char>(head[2])) || head[2] == '#')) {
+    return Format::kPnm;
+  }
   return Format::kUnknown;
 }
 
 DecodedImage Decode(const std::filesystem::path& path, bool grey) {
+  DecodedImage colour;
   switch (FormatOf(path)) {
     case Format::kJpeg:
       return ReadJpeg(path, grey);
     case Format::kPng:
-      return ReadPng(path, grey);
-    case Format::kUnknown:
+      colour = ReadPng(path);
       break;
+    case Format::kTiff:
+      colour = ReadTiff(path);
+      break;
+    case Format::kBmp:
+      colour = ParseBmp(ReadAll(path), path);
+      break;
+    case Format::kPnm:
+      colour = ParsePnm(ReadAll(path), path);
+      break;
+    case Format::kUnknown:
+      throw InputError(path,
+                       "this is no JPEG, PNG, TIFF, BMP or PNM (PPM, PGM) file, or it is damaged; "
+                       "convert it to one of these under the same name");
   }
-  throw InputError(path,
-                   "this is neither a JPEG nor a PNG file, or it is damaged; convert it to one "
-                   "of the two under the same name");
+  return grey ? ToGrey(colour) : colour;
 }
 
 }  // namespace
 
 GreyImage ReadGreyImage(const std::filesystem::path& path) {
   DecodedImage image = Decode(path, true);
-  return {image.width, image.height, std::move(image.pixels)};
+  return {image.width, image.height, std::move(image.pixels), image.ends_early};
 }
 
 ColourImage ReadColourImage(const std::filesystem::path& path) {

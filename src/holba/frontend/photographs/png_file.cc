@@ -14,8 +14,6 @@
 namespace holba {
 namespace {
 
-constexpr size_t kMaxBytes = size_t{600} << 20;  // as for JPEG
-
 using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
 
 // As libjpeg, libpng leaves by a jump.
@@ -52,7 +50,7 @@ bool Decode(std::FILE* file, ErrorHandler* handler, DecodedImage* image) {
   png_read_update_info(png, info);
   const size_t width = png_get_image_width(png, info), height = png_get_image_height(png, info);
   const size_t row_bytes = 3 * width;
-  if (png_get_rowbytes(png, info) != row_bytes || row_bytes * height > kMaxBytes)
+  if (png_get_rowbytes(png, info) != row_bytes || row_bytes * height > kMaxImageBytes)
     Fail(png, "images of this kind or size are not read");
   image->width = static_cast<int>(width);
   image->height = static_cast<int>(height);
@@ -91,7 +89,7 @@ bool Encode(const ColourImage& image, std::FILE* file) {
 
 }  // namespace
 
-DecodedImage ReadPng(const std::filesystem::path& path, bool grey) {
+DecodedImage ReadPng(const std::filesystem::path& path) {
   const File file(std::fopen(path.c_str(), "rb"), std::fclose);
   if (!file) throw InputError(path, "cannot be opened for reading");
   DecodedImage image;
@@ -99,16 +97,7 @@ DecodedImage ReadPng(const std::filesystem::path& path, bool grey) {
   if (!Decode(file.get(), &handler, &image))
     throw InputError(path, std::string("the PNG file cannot be decoded: ") + handler.message +
                                "; save it anew under the same name");
-  if (!grey) return image;
-  DecodedImage brightness{image.width, image.height, {}};
-  brightness.pixels.resize(image.pixels.size() / 3);
-  for (size_t i = 0; i < brightness.pixels.size(); ++i) {
-    const uint8_t* rgb = &image.pixels[3 * i];
-    // In 1 / 65536, rounded.
-    brightness.pixels[i] =
-        static_cast<uint8_t>((19595u * rgb[0] + 38470u * rgb[1] + 7471u * rgb[2] + 32768u) >> 16);
-  }
-  return brightness;
+  return image;
 }
 
 bool WritePng(const ColourImage& image, const std::filesystem::path& path) {

@@ -5,13 +5,14 @@
 
 #include <filesystem>
 
-#include "holba/frontend/photographs/jpeg_file.h"
+#include "holba/frontend/photographs/decoded_image.h"
+#include "holba/frontend/photographs/photograph.h"
 
 namespace holba {
 
 // Of any kind of PNG: palettes and 16 bits are brought to 8 bits a channel, transparency is left
-// out. Grey of colours: 0.299 R + 0.587 G + 0.114 B. Throws InputError.
-DecodedImage ReadPng(const std::filesystem::path& path, bool grey);
+// out. RGB. Throws InputError.
+DecodedImage ReadPng(const std::filesystem::path& path);
 // False: it cannot be written.
 bool WritePng(const ColourImage& image, const std::filesystem::path& path);
 
