@@ -45,6 +45,7 @@ class EvaluateJob : public Job {
     std::vector<GroupMeasurement> measurements;
     if (!measurements_path_.empty())
       measurements = ReadGroupMeasurements(measurements_path_, model);
+    WarnOfDoubts(input_path_, model);
     const std::vector<TermCost> terms = EvaluateModel(model, measurements);
     nlohmann::json result = {{"terms", TermsToJson(terms)}};
     if (!ground_truth_path_.empty()) {

@@ -92,6 +92,7 @@ std::optional<ModelUncertainty> EstimateUncertainty(
   options.SetDefaultLosses(false);
   ModelUncertainty result;
   BundleSelection selection = BundleSelection::Everything(model, options);
+  selection.HoldUncertainIntrinsics(model, options);
   if (summary.cameras_held) {
     // What contradicts the points does not make the cameras surer.
     BundleOptions points_only = options;

@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
+#include <algorithm>
 #include <vector>
 
 namespace holba {
@@ -38,6 +39,13 @@ Eigen::Quaterniond MeanRotation(std::span<const Eigen::Quaterniond> rotations) {
   for (const Eigen::Quaterniond& q : rotations) sum += q.coeffs() * q.coeffs().transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(sum);
   return Eigen::Quaterniond(Eigen::Vector4d(solver.eigenvectors().col(3))).normalized();
+}
+
+bool IsSeenOnce(const Point3D& point) {
+  return !point.track.empty() &&
+         std::all_of(point.track.begin(), point.track.end(), [&](const PointObservation& o) {
+           return o.image_id == point.track.front().image_id;
+         });
 }
 
 }  // namespace
@@ -79,7 +87,8 @@ std::optional<Sim3d> AlignReconstructions(const Reconstruction& model, const Rec
   if (basis != AlignmentBasis::kCentres) {
     for (const auto& [id, point] : truth.points3D) {
       const Point3D* other = model.points3D.Find(id);
-      if (other == nullptr) continue;
+      // One that a single image sees has no depth.
+      if (other == nullptr || IsSeenOnce(*other)) continue;
       from.push_back(other->xyz);
       to.push_back(point.xyz);
     }

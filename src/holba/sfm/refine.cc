@@ -11,6 +11,7 @@
 
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
+#include "holba/bundle/followers.h"
 #include "holba/scene/selection.h"
 
 namespace holba {
@@ -97,6 +98,8 @@ class Refiner {
     SolverOptions solver = options_.solver;
     if (!is_last) solver.function_tolerance = std::max(solver.function_tolerance, kRoundTolerance);
     const Reliability& reliability = report_.reliability;
+    // What a single image sees is in neither stage and follows the cameras of this one.
+    const Followers followers(model_, PointsSeenOnce(model_), LinesSeenOnce(model_));
     Reconstruction part = Select(
         model_,
         {.keep_point = [&](point3D_t id,
@@ -112,6 +115,7 @@ class Refiner {
          }});
     report_.stage1 = AdjustBundle(bundle_, solver, &part, {}, log_, known_sigmas_);
     CopyValues(part, &model_);
+    followers.Place(&model_);
     known_sigmas_ = report_.stage1.auto_sigmas;
     Reject(report_.stage1.filter);
   }
