@@ -5,13 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <sstream>
 
 #include "holba/base/error.h"
 #include "holba/base/log.h"
 #include "holba/base/memory.h"
 #include "holba/bundle/plausibility.h"
+#include "holba/io/files.h"
 
 namespace holba {
 namespace {
@@ -208,8 +208,7 @@ std::string IterationLine(const IterationRecord& record) {
 
 std::vector<GroupMeasurement> ReadGroupMeasurements(const std::string& path,
                                                     const Reconstruction& model) {
-  std::ifstream file(path);
-  if (!file) throw InputError(path, "cannot be opened for reading");
+  std::istringstream file(ReadFileBytes(path));
   std::vector<GroupMeasurement> measurements;
   std::string line;
   for (uint64_t number = 1; std::getline(file, line); ++number) {

@@ -136,7 +136,9 @@ Reconstruction ReadModel(const fs::path& folder) {
     }
   }
   if (const std::optional<std::string> fault = model.FindInconsistency()) {
-    throw InputError(folder, "the files of this model do not fit each other: " + *fault);
+    throw InputError(folder,
+                     "the files of this model do not fit each other: " + *fault +
+                         (IsHolistic(model) ? std::string("; perhaps ") + kSideFilesRemedy : ""));
   }
   return model;
 }
