@@ -18,7 +18,8 @@ namespace {
 class AdjustJob : public Job {
  public:
   void Describe(OptionTable* table) const override {
-    table->Field("input_path", &input_path_, "Model folder, or a BAL file.").Required();
+    table->Field("input_path", &input_path_, "Model folder, or a BAL file (.bz2 is read, too).")
+        .Required();
     table->Field("output_path", &output_path_, "Model folder; for a BAL file, a BAL file.")
         .Required();
     table->Choice("output_type", &format_,

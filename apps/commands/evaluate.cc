@@ -31,7 +31,8 @@ nlohmann::json TruthErrorsToJson(const Reconstruction& model, const Reconstructi
 class EvaluateJob : public Job {
  public:
   void Describe(OptionTable* table) const override {
-    table->Field("input_path", &input_path_, "Model folder, or a BAL file.").Required();
+    table->Field("input_path", &input_path_, "Model folder, or a BAL file (.bz2 is read, too).")
+        .Required();
     table->Field(
         "ground_truth_path", &ground_truth_path_,
         "True model with the same ids: adds errors of poses and geometry after a similarity.");
