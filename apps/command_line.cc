@@ -219,6 +219,10 @@ std::vector<ConfigEntry> ReadConfigFile(const std::filesystem::path& path) {
   std::string section;
   std::string text;
   for (uint64_t line = 1; std::getline(file, text); ++line) {
+    // Windows' editors put a byte order mark first.
+    if (line == 1 && text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
+    if (line == 1 && (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF")))
+      throw InputError(path, "expected text in ASCII or UTF-8, found UTF-16: save it as UTF-8");
     text = Trimmed(text);
     if (text.empty() || text[0] == '#' || text[0] == ';') continue;
     if (text.front() == '[') {

@@ -15,6 +15,7 @@
 #include "apps/command.h"
 #include "apps/command_line.h"
 #include "holba/base/error.h"
+#include "holba/base/printable.h"
 #include "holba/base/temporary_paths.h"
 
 namespace holba {
@@ -51,7 +52,7 @@ int Guarded(const std::string& who, const Action& action) {
   // The failure follows from the interrupt, whose handler is about to end the process.
   while (Interrupted()) pause();
   std::fflush(stdout);
-  std::fputs(fmt::format("{}: {}\n", who, message).c_str(), stderr);
+  std::fputs(fmt::format("{}: {}\n", who, Printable(message)).c_str(), stderr);
   return status;
 }
 

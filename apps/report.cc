@@ -5,11 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <sstream>
 
 #include "holba/base/error.h"
+#include "holba/base/log.h"
 #include "holba/base/memory.h"
+#include "holba/bundle/plausibility.h"
+#include "holba/io/files.h"
 
 namespace holba {
 namespace {
@@ -54,6 +56,9 @@ json SummaryToJson(const BundleSummary& summary) {
   for (const auto& [kind, count] : summary.associations) {
     associations[kind] = {{"tested", count.tested}, {"rejected", count.rejected}};
   }
+  json held_intrinsics = json::array();
+  for (const HeldIntrinsics& held : summary.held_intrinsics)
+    held_intrinsics.push_back(held.camera_id);
   return {{"backend", s.backend},
           {"linear_solver", s.linear_solver},
           {"num_threads", s.num_threads},
@@ -69,6 +74,10 @@ json SummaryToJson(const BundleSummary& summary) {
           {"camera_shift_sigmas",
            summary.camera_shift_sigmas ? json(*summary.camera_shift_sigmas) : json(nullptr)},
           {"cameras_held", summary.cameras_held},
+          {"points_seen_once", summary.points_seen_once},
+          {"lines_seen_once", summary.lines_seen_once},
+          {"cameras_with_held_intrinsics", held_intrinsics},
+          {"parts", summary.num_parts},
           {"angular_weight_factor", summary.angular_weight_factor},
           {"seconds",
            {{"build", s.build_seconds},
@@ -141,6 +150,46 @@ std::string SummaryToText(const BundleSummary& summary) {
   return text;
 }
 
+void WarnOfDoubts(const std::string& when, const Reconstruction& model) {
+  for (const std::string& doubt : DoubtsOf(CheckReprojections(model), model))
+    LogWarning("{}: {}", when, doubt);
+}
+
+void WarnOfWhatWasHeld(const BundleSummary& summary) {
+  if (summary.points_seen_once + summary.lines_seen_once > 0) {
+    LogWarning(
+        "{} points and {} lines are seen by fewer than two images (in front of them): they say "
+        "nothing about the cameras, took no part and follow the image that sees them",
+        summary.points_seen_once, summary.lines_seen_once);
+  }
+  for (const HeldIntrinsics& held : summary.held_intrinsics) {
+    LogWarning(
+        "The intrinsics of camera {} stay as they are: {} observations are too few to estimate "
+        "them",
+        held.camera_id, held.num_observations);
+  }
+  if (summary.num_parts > 1) {
+    LogWarning(
+        "The model has {} parts that share no point, line or group: nothing says how they stand "
+        "to each other, and each keeps its own position, orientation and scale",
+        summary.num_parts);
+  }
+}
+
+void RefuseWithoutResiduals(const std::string& path, const Reconstruction& model) {
+  if (!model.lines3D.empty()) return;
+  const ReprojectionCheck check = CheckReprojections(model);
+  if (check.num_absent == check.num_observations) throw InputError(path, WhyNothingIsLeft(model));
+}
+
+bool NothingWasAdjusted(const BundleSummary& summary) {
+  const auto is_absent = [](const TermCost& term) { return term.absent == term.residuals; };
+  const auto& before = summary.solver.initial_terms;
+  const auto& after = summary.solver.final_terms;
+  return std::all_of(before.begin(), before.end(), is_absent) &&
+         std::all_of(after.begin(), after.end(), is_absent);
+}
+
 std::string IterationHeader(const IterationRecord& record) {
   std::string text = fmt::format("{:>5} {:>14} {:>10} {:>9} {:>9} {:>9} {:>8}", "iter", "cost",
                                  "change", "gradient", "step", "damping", "ms");
@@ -159,8 +208,7 @@ std::string IterationLine(const IterationRecord& record) {
 
 std::vector<GroupMeasurement> ReadGroupMeasurements(const std::string& path,
                                                     const Reconstruction& model) {
-  std::ifstream file(path);
-  if (!file) throw InputError(path, "cannot be opened for reading");
+  std::istringstream file(ReadFileBytes(path));
   std::vector<GroupMeasurement> measurements;
   std::string line;
   for (uint64_t number = 1; std::getline(file, line); ++number) {

@@ -18,6 +18,16 @@ nlohmann::json TermsToJson(std::span<const TermCost> terms);
 nlohmann::json SummaryToJson(const BundleSummary& summary);
 std::string SummaryToText(const BundleSummary& summary);
 
+// Warns of what in a model contradicts its observations (bundle/plausibility.h). `when`: "Before
+// the adjustment".
+void WarnOfDoubts(const std::string& when, const Reconstruction& model);
+// Warns of what the adjustment left out or held because the observations are too few.
+void WarnOfWhatWasHeld(const BundleSummary& summary);
+// Throws InputError where no point is in front of a camera and there are no lines.
+void RefuseWithoutResiduals(const std::string& path, const Reconstruction& model);
+// Whether no residual was defined, neither before nor after.
+bool NothingWasAdjusted(const BundleSummary& summary);
+
 // One line per iteration: costs by term, step, damping, time. The header says the terms of the
 // record.
 std::string IterationHeader(const IterationRecord& record);

@@ -10,7 +10,7 @@ holba_build_packages=(
   build-essential cmake ninja-build ccache mold git pkg-config
   libeigen3-dev libceres-dev libsuitesparse-dev libmetis-dev libopenblas-dev
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev
-  libsqlite3-dev libopencv-features2d-dev libopencv-imgproc-dev libhdf5-dev zlib1g-dev
+  libsqlite3-dev libbz2-dev libopencv-features2d-dev libopencv-imgproc-dev libhdf5-dev zlib1g-dev
   libjpeg-dev libpng-dev libtiff-dev
   libgtest-dev libgmock-dev python3 python3-numpy
 )

@@ -5,8 +5,10 @@
 
 #include "apps/command.h"
 #include "apps/report.h"
+#include "holba/base/error.h"
 #include "holba/base/log.h"
 #include "holba/bundle/adjust_bundle.h"
+#include "holba/bundle/plausibility.h"
 #include "holba/io/bal.h"
 #include "holba/io/files.h"
 #include "holba/io/model_io.h"
@@ -17,7 +19,8 @@ namespace {
 class AdjustJob : public Job {
  public:
   void Describe(OptionTable* table) const override {
-    table->Field("input_path", &input_path_, "Model folder, or a BAL file.").Required();
+    table->Field("input_path", &input_path_, "Model folder, or a BAL file (.bz2 is read, too).")
+        .Required();
     table->Field("output_path", &output_path_, "Model folder; for a BAL file, a BAL file.")
         .Required();
     table->Choice("output_type", &format_,
@@ -48,6 +51,8 @@ class AdjustJob : public Job {
     if (!measurements_path_.empty())
       measurements = ReadGroupMeasurements(measurements_path_, model);
 
+    RefuseWithoutResiduals(input_path_, model);
+    WarnOfDoubts("Before the adjustment", model);
     bundle_.SetDefaultLosses(is_bal);
     solver_.analyse_reduced_system = true;
     solver_.on_iteration = [](const IterationRecord& record) {
@@ -58,6 +63,9 @@ class AdjustJob : public Job {
     const BundleSummary summary =
         AdjustBundle(bundle_, solver_, &model, measurements,
                      [](const std::string& text) { LogInfo("{}", text); });
+    if (NothingWasAdjusted(summary)) throw InputError(input_path_, WhyNothingIsLeft(model));
+    WarnOfWhatWasHeld(summary);
+    WarnOfDoubts("After the adjustment", model);
 
     if (is_bal) {
       WriteBal(model, output_path_);

@@ -10,6 +10,7 @@
 #include "holba/io/model_io.h"
 #include "holba/io/ply.h"
 #include "holba/scene/reconstruction.h"
+#include "holba/scene/selection.h"
 
 namespace holba {
 namespace {
@@ -28,6 +29,10 @@ class ConvertJob : public Job {
                    {"ply", OutputType::kPly},
                    {"bal", OutputType::kBal}},
                   "Format of the output.");
+    table->Field("drop_added_points", &drop_added_points_,
+                 "Leave out the points that refine made of structure (junctions, corners) with "
+                 "their 2D points, so that images have the keypoints of their database again: "
+                 "COLMAP's mapper and triangulator refuse others.");
     read_.Describe(table);
   }
 
@@ -40,9 +45,10 @@ class ConvertJob : public Job {
   }
 
   void Run(const Invocation&) override {
-    const Reconstruction model = std::filesystem::is_regular_file(input_path_)
-                                     ? ReadBal(input_path_)
-                                     : ReadModel(input_path_, read_);
+    Reconstruction model = std::filesystem::is_regular_file(input_path_)
+                               ? ReadBal(input_path_)
+                               : ReadModel(input_path_, read_);
+    if (drop_added_points_) RemovePointsOfStructure(&model);
     switch (output_type_) {
       case OutputType::kText:
         WriteModel(model, output_path_, ModelFormat::kText);
@@ -66,6 +72,7 @@ class ConvertJob : public Job {
   std::string output_path_;
   ReadModelOptions read_;
   OutputType output_type_ = OutputType::kBinary;
+  bool drop_added_points_ = false;
 };
 
 }  // namespace

@@ -47,7 +47,8 @@ nlohmann::json TruthErrorsToJson(const Reconstruction& model, const Reconstructi
 class EvaluateJob : public Job {
  public:
   void Describe(OptionTable* table) const override {
-    table->Field("input_path", &input_path_, "Model folder, or a BAL file.").Required();
+    table->Field("input_path", &input_path_, "Model folder, or a BAL file (.bz2 is read, too).")
+        .Required();
     table->Field(
         "ground_truth_path", &ground_truth_path_,
         "True model, or its poses only, with like image names: adds errors after a similarity (of "
@@ -71,6 +72,7 @@ class EvaluateJob : public Job {
     std::vector<GroupMeasurement> measurements;
     if (!measurements_path_.empty())
       measurements = ReadGroupMeasurements(measurements_path_, model);
+    WarnOfDoubts(input_path_, model);
     const std::vector<TermCost> terms = EvaluateModel(model, measurements);
     nlohmann::json result = {{"terms", TermsToJson(terms)}};
     if (!ground_truth_path_.empty()) {

@@ -10,6 +10,7 @@
 
 #include "apps/command.h"
 #include "apps/refine/report.h"
+#include "apps/report.h"
 #include "holba/base/error.h"
 #include "holba/base/log.h"
 #include "holba/base/timer.h"
@@ -65,6 +66,8 @@ class RefineJob : public Job {
     Reconstruction model = Read();
     RefineOutput output;
     Refine(&model, &output);
+    WarnOfWhatWasHeld(output.refine.points_alone);
+    WarnOfDoubts("After the adjustment", model);
     Write(model, &output);
     output.total_seconds = timer.Seconds();
     PrintResult(invocation.json ? RefineToJson(output, model).dump(2) + "\n"
@@ -107,6 +110,8 @@ class RefineJob : public Job {
                        "this model has no images or no points; structure is built on poses and "
                        "points: triangulate first (colmap point_triangulator)");
     }
+    RefuseWithoutResiduals(input_path_, model);
+    WarnOfDoubts("Before the adjustment", model);
     return model;
   }
 

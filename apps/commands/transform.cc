@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -13,6 +12,7 @@
 #include "holba/base/error.h"
 #include "holba/base/log.h"
 #include "holba/geometry/rigid3d.h"
+#include "holba/io/files.h"
 #include "holba/io/model_io.h"
 #include "holba/scene/local_frame.h"
 #include "holba/scene/reconstruction.h"
@@ -56,11 +56,10 @@ Sim3d ToSim3d(const Similarity& s, const std::string& source) {
 }
 
 Sim3d ReadSimilarity(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw InputError(path, "cannot open the file of the transformation");
+  const std::string bytes = ReadFileBytes(path);
   Similarity s;
   try {
-    const nlohmann::json json = nlohmann::json::parse(file);
+    const nlohmann::json json = nlohmann::json::parse(bytes);
     if (!json.is_object()) throw InputError(path, "expected a JSON object");
     for (const auto& [key, value] : json.items()) {
       if (key == "scale") {

@@ -262,6 +262,15 @@ class Config(Case):
         path.write_text(text)
         return path
 
+    def test_a_byte_order_mark_is_skipped_and_utf_16_named(self):
+        output = self.folder / "output"
+        config = self.config("")
+        text = f"input_path = {self.model}\noutput_path = {output}\n"
+        config.write_bytes(b"\xef\xbb\xbf" + text.encode())
+        self.succeeds("convert", "--config", config)
+        config.write_bytes(text.encode("utf-16"))
+        self.assertIn("found UTF-16: save it as UTF-8", self.refuses("convert", "--config", config))
+
     def test_the_command_line_overrides_the_file_and_the_file_the_default(self):
         output = self.folder / "output"
         config = self.config(f"input_path = {self.model}\noutput_path = {output}\noutput_type = txt\n")
@@ -354,6 +363,13 @@ class Convert(Case):
 
 
 class Transform(Case):
+    def test_a_transformation_that_cannot_be_read_is_named(self):
+        for path, message in [(self.folder, "expected a file, found something else"),
+                              (self.folder / "none.json", "there is no such file")]:
+            self.assertIn(f"{path}: {message}", self.refuses(
+                "transform", "--input_path", self.model, "--output_path", self.folder / "o",
+                "--transform_path", path))
+
     def transform(self, source: pathlib.Path, name: str, *words) -> pathlib.Path:
         output = self.folder / name
         self.printed = self.succeeds("transform", "--input_path", source, "--output_path", output,

@@ -233,6 +233,23 @@ class Colmap(Case):
         self.assertEqual(int(said["Points"]), len(records(text / "points3D.txt")))
         self.assertLess(float(said["Mean reprojection error"]), 1.0)
 
+    def test_without_the_added_points_the_images_have_the_keypoints_of_the_input_again(self):
+        def keypoints(model: pathlib.Path) -> dict[str, list[tuple[str, str]]]:
+            lines = [line for line in (model / "images.txt").read_text().split("\n") if not line.startswith("#")]
+            return {head.split()[9]: list(zip(row.split()[::3], row.split()[1::3]))
+                    for head, row in zip(lines[::2], lines[1::2]) if head}
+
+        model, _ = self.refine("out")
+        dropped = self.folder / "dropped"
+        subprocess.run([HOLBA, "convert", "--input_path", model, "--output_path", dropped, "--output_type", "txt",
+                        "--drop_added_points", "1", "--quiet"], check=True)
+        given = {name: [(float(x), float(y)) for x, y in row] for name, row in keypoints(SCENE / "model").items()}
+        left = {name: [(float(x), float(y)) for x, y in row] for name, row in keypoints(dropped).items()}
+        self.assertEqual(left, given)
+        self.assertNotEqual(keypoints(model), keypoints(dropped))
+        self.assertEqual(len(records(dropped / "points3D.txt")), len(records(SCENE / "model" / "points3D.txt")))
+        self.assertEqual(len(records(dropped / "lines3D.txt")), len(records(model / "lines3D.txt")))
+
 
 class Database(Case):
     def test_a_second_run_finds_everything_in_the_database_and_gives_the_same_bytes(self):

@@ -5,6 +5,9 @@
 #include <spdlog/spdlog.h>
 
 #include <memory>
+#include <string>
+
+#include "holba/base/printable.h"
 
 namespace holba {
 namespace {
@@ -35,7 +38,8 @@ spdlog::logger& Logger() {
 void SetLogLevel(LogLevel level) { Logger().set_level(ToSpdlog(level)); }
 
 void LogMessage(LogLevel level, std::string_view message) {
-  Logger().log(ToSpdlog(level), spdlog::string_view_t(message.data(), message.size()));
+  const std::string printable = Printable(message);
+  Logger().log(ToSpdlog(level), spdlog::string_view_t(printable.data(), printable.size()));
 }
 
 }  // namespace holba

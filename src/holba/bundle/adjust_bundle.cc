@@ -61,6 +61,8 @@ class Adjuster {
         scales_(options_, known) {}
 
   BundleSummary Run() {
+    summary_.held_intrinsics = selection_.HoldUncertainIntrinsics(model_, options_);
+    const Followers followers(model_, selection_.points_seen_once, selection_.lines_seen_once);
     const std::vector<double> start = Build().problem.state();
     AdjustPointsForReference();
     if (HasAssociations()) {
@@ -73,6 +75,7 @@ class Adjuster {
       bundle = AdjustAll();
     }
     WriteBack(bundle, &model_);
+    followers.Place(&model_);
     Summarise(start, &bundle);
     return std::move(summary_);
   }
@@ -196,6 +199,9 @@ class Adjuster {
     summary_.auto_scales = scales_.scales();
     summary_.auto_sigmas = scales_.sigmas();
     summary_.angular_weight_factor = scales_.AngularFactor();
+    summary_.num_parts = 1 + selection_.gauges_of_other_parts.size();
+    summary_.points_seen_once = selection_.points_seen_once.size();
+    summary_.lines_seen_once = selection_.lines_seen_once.size();
     summary_.structure_point_weight_factor = scales_.StructurePointFactor();
     // Costs before, with the losses and associations of the end.
     bundle->problem.state() = start;
@@ -331,7 +337,10 @@ LocalFrame::Unit FrameUnit(const BundleOptions& options) {
 
 std::vector<TermCost> EvaluateModel(const Reconstruction& model,
                                     std::span<const GroupMeasurement> measurements) {
-  const BundleProblem bundle = BuildProblem(model, BundleOptions(), measurements);
+  // Everything is counted, also what a single image sees: nothing has to be estimated.
+  BundleOptions options;
+  options.fix_points = options.fix_lines = true;
+  const BundleProblem bundle = BuildProblem(model, options, measurements);
   const std::vector<TermCost> found = EvaluateTerms(bundle.problem);
   std::vector<TermCost> terms;
   for (const Term& term : kTerms) {

@@ -37,6 +37,10 @@ struct BundleSummary {
   // (max_camera_shift_sigmas): the cameras were held where points alone have them.
   std::optional<double> camera_shift_sigmas;
   bool cameras_held = false;
+  // Points and lines that fewer than two images see: they took no part and followed their images.
+  size_t points_seen_once = 0, lines_seen_once = 0;
+  std::vector<HeldIntrinsics> held_intrinsics;
+  size_t num_parts = 1;  // that share no point, line or group
   // On the weights of terms in angles: the variance of the measured noise in pixels.
   double angular_weight_factor = 1.0;
   // The weights of structure_point residuals were multiplied by this.

@@ -12,6 +12,7 @@
 #include "holba/base/check.h"
 #include "holba/bundle/adjust_bundle.h"
 #include "holba/bundle/bundle_problem.h"
+#include "holba/bundle/flat_index.h"
 #include "holba/geometry/angle.h"
 #include "holba/residual/group_line_3d.h"
 #include "holba/robust/group_fit.h"
@@ -125,6 +126,10 @@ class Tester {
                       &point_information);
     AddInformation<4>(problem, "line", NoisePx(problem, "line", 2, 4.0 * features.lines.size()),
                       &line_information);
+    if (!model.wireframe.empty()) {
+      for (const auto& [id, block] : features.points) point_idx_.Add(id);
+      for (const auto& [id, block] : features.lines) line_idx_.Add(id);
+    }
     for (const auto& [id, block] : features.points) {
       const auto it = point_information.find(block);
       if (it == point_information.end()) continue;
@@ -150,6 +155,8 @@ class Tester {
     for (const SelectedGroup& group : selection.groups) TestGroup(group);
     AssociationCount& edges = report_.counts["wireframe edges"];
     for (const WireframeEdge& edge : selection.wireframe) {
+      // What takes no part (a single image sees it) is not tested either.
+      if (!point_idx_.contains(edge.point3D_id) || !line_idx_.contains(edge.line3D_id)) continue;
       ++edges.tested;
       if (EdgeChiSquare(edge) < max_chi_square_[2]) continue;
       ++edges.rejected;
@@ -378,6 +385,7 @@ class Tester {
   const Reconstruction& model_;
   const double confidence_;
   double max_chi_square_[kMaxDegreesOfFreedom + 1] = {};  // by degrees of freedom
+  FlatIndex point_idx_, line_idx_;                        // of the features that take part
   std::unordered_map<point3D_t, PointEstimate> points_;
   std::unordered_map<line3D_t, LineEstimate> lines_;
   AssociationReport report_;

@@ -62,21 +62,12 @@ const SensorPose* ProblemBuilder::AddSensorPose(const Frame& frame, const Image&
 
 void ProblemBuilder::HoldIntrinsics(const CameraModel& model, bool constant,
                                     ParameterBlock* block) const {
-  uint32_t free = 0;
-  const auto release = [&](std::span<const int> idxs) {
-    for (int idx : idxs) free |= uint32_t{1} << idx;
-  };
-  if (!constant) {
-    if (options_.refine_focal_length) release(model.focal_idxs);
-    if (options_.refine_principal_point) release(model.principal_point_idxs);
-    if (options_.refine_extra_params) release(model.extra_idxs);
-  }
+  const uint32_t free = constant ? 0 : FreeIntrinsics(model, options_);
   block->held = ~free & ((uint32_t{1} << model.num_params) - 1);
   block->constant = free == 0;
 }
 
 void ProblemBuilder::HoldGauge() {
-  const FixedGauge& gauge = selection_.gauge;
   const auto hold = [&](frame_t frame_id, uint32_t held) {
     if (frame_id == kInvalidId32 || held == 0) return;
     for (const auto& [id, block_id] : out_.poses) {
@@ -86,8 +77,12 @@ void ProblemBuilder::HoldGauge() {
       if (!block.constant) block.held |= held;
     }
   };
-  hold(gauge.origin_frame, gauge.origin_held);
-  hold(gauge.scale_frame, gauge.scale_held);
+  const auto hold_gauge = [&](const FixedGauge& gauge) {
+    hold(gauge.origin_frame, gauge.origin_held);
+    hold(gauge.scale_frame, gauge.scale_held);
+  };
+  hold_gauge(selection_.gauge);
+  for (const FixedGauge& gauge : selection_.gauges_of_other_parts) hold_gauge(gauge);
 }
 
 }  // namespace holba

@@ -22,11 +22,12 @@ void ProblemBuilder::AddPoints() {
   }
   for (const auto& selected : selection_.points) {
     const Point3D& point = model_.points3D.at(selected.id);
+    if (!TakesPart(selected.constant, point.track)) continue;
     const bool of_structure = IsOfStructure(point.origin);
     out_.num_points_of_structure += of_structure;
     const BlockId block = problem_.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature,
                                             {point.xyz.data(), 3});
-    problem_.block(block).constant = selected.constant || !SeenInTwoImages(point.track);
+    problem_.block(block).constant = selected.constant;
     out_.points.emplace_back(selected.id, block);
     if (is_looked_for) {
       point_idx_.Add(selected.id);
@@ -79,6 +80,7 @@ void ProblemBuilder::AddLines() {
   BatchOfImages<LineResidual> batches;
   for (const auto& selected : selection_.lines) {
     const Line3D& line = model_.lines3D.at(selected.id);
+    if (!TakesPart(selected.constant, line.track)) continue;
     // The anchor in the middle of the seen part keeps direction and position uncorrelated.
     const Eigen::Vector3d anchor = line.line.ClosestPoint(0.5 * (line.start + line.end));
     double values[6];
@@ -87,7 +89,7 @@ void ProblemBuilder::AddLines() {
     const BlockRole role =
         in_wireframe.contains(selected.id) ? BlockRole::kGroup : BlockRole::kFeature;
     const BlockId block = problem_.AddBlock("line", OpsOf<LineManifold>(), role, values);
-    problem_.block(block).constant = selected.constant || !SeenInTwoImages(line.track);
+    problem_.block(block).constant = selected.constant;
     line_idx_.Add(selected.id);
     lines_.push_back({block, &line});
     out_.lines.emplace_back(selected.id, block);

@@ -127,4 +127,15 @@ void BundleOptions::Describe(OptionTable* table) const {
                "Weight of the 3d form of incidences.");
 }
 
+uint32_t FreeIntrinsics(const CameraModel& model, const BundleOptions& options) {
+  uint32_t free = 0;
+  const auto release = [&](std::span<const int> idxs) {
+    for (int idx : idxs) free |= uint32_t{1} << idx;
+  };
+  if (options.refine_focal_length) release(model.focal_idxs);
+  if (options.refine_principal_point) release(model.principal_point_idxs);
+  if (options.refine_extra_params) release(model.extra_idxs);
+  return free;
+}
+
 }  // namespace holba

@@ -4,12 +4,14 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "holba/base/options.h"
+#include "holba/camera/camera_model.h"
 #include "holba/problem/loss.h"
 #include "holba/scene/types.h"
 
@@ -130,6 +132,9 @@ struct BundleOptions {
   void SetDefaultLosses(bool is_bal);
   void Describe(OptionTable* table) const;
 };
+
+// Bit i: parameter i of a camera model moves if the intrinsics are not held.
+uint32_t FreeIntrinsics(const CameraModel& model, const BundleOptions& options);
 
 // A direction of a group measured in one image, in the camera frame: the ray of a vanishing point,
 // or a plane's normal.

@@ -2,7 +2,10 @@
 #include "holba/bundle/bundle_selection.h"
 
 #include <algorithm>
+#include <bit>
 #include <iterator>
+#include <optional>
+#include <tuple>
 #include <utility>
 
 #include "holba/bundle/bundle_options.h"
@@ -21,9 +24,27 @@ void ForEachImage(const Reconstruction& model, frame_t frame_id, const Visitor& 
   }
 }
 
+// Equations that an intrinsic parameter needs, beyond those that the poses take up.
+constexpr size_t kMinEquationsPerIntrinsic = 5;
+
 bool HoldsCameras(const BundleOptions& options) {
   return !options.refine_focal_length && !options.refine_principal_point &&
          !options.refine_extra_params;
+}
+
+// All features but some of them, which stand in the order of the model.
+template <typename Id, typename T>
+void SelectOthers(const IdMap<Id, T>& features, const std::vector<SeenOnce<Id>>& left_out,
+                  bool constant, std::vector<Selected<Id>>* selected) {
+  selected->reserve(features.size() - left_out.size());
+  auto next = left_out.begin();
+  for (const auto& [id, feature] : features) {
+    if (next != left_out.end() && next->id == id) {
+      ++next;
+    } else {
+      selected->push_back({id, constant});
+    }
+  }
 }
 
 // Selects the part around some frames; each Add* is one kind of element.
@@ -48,7 +69,7 @@ class AroundSelector {
     AddFeatures(&lines, options_.fix_lines, &result_.lines);
     if (options_.config >= BundleConfig::kGroups) AddGroups();
     if (options_.config >= BundleConfig::kHolistic) AddWireframe();
-    result_.gauge = ChooseGauge(model_, options_, result_);
+    result_.SetGauges(ChooseGaugesOfParts(model_, options_, result_));
     return std::move(result_);
   }
 
@@ -114,22 +135,11 @@ class AroundSelector {
   void AddFeatures(std::vector<Seen<Record>>* seen, bool constant,
                    std::vector<Selected<Id>>* selected) const {
     std::erase_if(*seen,
-                  [&](const auto& feature) { return !SeenInTwoImages(feature.record->track); });
+                  [&](const auto& feature) { return !SeenInTwoImages(feature.record->track, image_idx_); });
     std::sort(seen->begin(), seen->end(),
               [](const auto& a, const auto& b) { return a.position < b.position; });
     selected->reserve(seen->size());
     for (const auto& feature : *seen) selected->push_back({feature.id, constant});
-  }
-
-  template <typename Track>
-  bool SeenInTwoImages(const Track& track) const {
-    image_t first = kInvalidId32;
-    for (const auto& observation : track) {
-      if (observation.image_id == first || !image_idx_.contains(observation.image_id)) continue;
-      if (first != kInvalidId32) return true;
-      first = observation.image_id;
-    }
-    return false;
   }
 
   void AddGroups() {
@@ -194,10 +204,11 @@ BundleSelection EverythingWithoutGauge(const Reconstruction& model, const Bundle
       all.frames.push_back({image.frame_id, options.fix_poses});
   }
   for (const auto& [id, camera] : model.cameras) all.cameras.push_back({id, HoldsCameras(options)});
-  all.points.reserve(model.points3D.size());
-  for (const auto& [id, point] : model.points3D) all.points.push_back({id, options.fix_points});
-  all.lines.reserve(model.lines3D.size());
-  for (const auto& [id, line] : model.lines3D) all.lines.push_back({id, options.fix_lines});
+  // What is held is known, and says something about each camera that sees it.
+  if (!options.fix_points) all.points_seen_once = PointsSeenOnce(model);
+  if (!options.fix_lines) all.lines_seen_once = LinesSeenOnce(model);
+  SelectOthers(model.points3D, all.points_seen_once, options.fix_points, &all.points);
+  SelectOthers(model.lines3D, all.lines_seen_once, options.fix_lines, &all.lines);
   all.groups.reserve(model.groups3D.size());
   for (const auto& [id, group] : model.groups3D)
     all.groups.push_back({id, options.fix_groups, group.point3D_ids, group.line3D_ids});
@@ -211,7 +222,7 @@ BundleSelection EverythingWithoutGauge(const Reconstruction& model, const Bundle
 BundleSelection BundleSelection::Everything(const Reconstruction& model,
                                             const BundleOptions& options) {
   BundleSelection all = EverythingWithoutGauge(model, options);
-  all.gauge = ChooseGauge(model, options, all);
+  all.SetGauges(ChooseGaugesOfParts(model, options, all));
   return all;
 }
 
@@ -236,7 +247,9 @@ BundleSelection BundleSelection::OfFeatures(const Reconstruction& model,
   std::erase_if(part.wireframe, [&](const WireframeEdge& edge) {
     return !keep_point(edge.point3D_id) || !keep_line(edge.line3D_id);
   });
-  part.gauge = ChooseGauge(model, options, part);
+  std::erase_if(part.points_seen_once, [&](const auto& point) { return !keep_point(point.id); });
+  std::erase_if(part.lines_seen_once, [&](const auto& line) { return !keep_line(line.id); });
+  part.SetGauges(ChooseGaugesOfParts(model, options, part));
   return part;
 }
 
@@ -249,7 +262,74 @@ BundleSelection BundleSelection::Around(const Reconstruction& model, const Bundl
 void BundleSelection::HoldCameras() {
   for (auto& frame : frames) frame.constant = true;
   for (auto& camera : cameras) camera.constant = true;
-  gauge = {};
+  SetGauges(std::vector<FixedGauge>(1));
+}
+
+void BundleSelection::SetGauges(std::vector<FixedGauge> gauges) {
+  gauge = gauges.front();
+  gauges.erase(gauges.begin());
+  gauges_of_other_parts = std::move(gauges);
+}
+
+std::vector<HeldIntrinsics> BundleSelection::HoldUncertainIntrinsics(const Reconstruction& model,
+                                                                     const BundleOptions& options) {
+  // Two equations each; those beyond the six unknowns of a pose are left for the intrinsics.
+  struct Count {
+    size_t observations = 0, equations = 0, needed = 0;
+  };
+  FlatIndex camera_idx, frame_idx, image_idx;
+  std::vector<Count> of_camera;
+  for (const auto& camera : cameras) {
+    camera_idx.Add(camera.id);
+    const int free = std::popcount(FreeIntrinsics(*model.cameras.at(camera.id).model, options));
+    of_camera.push_back({0, 0, camera.constant ? 0 : kMinEquationsPerIntrinsic * free});
+  }
+  size_t num_open = std::count_if(of_camera.begin(), of_camera.end(),
+                                  [](const Count& count) { return count.needed > 0; });
+  if (num_open == 0) return {};
+  struct View {
+    uint32_t camera;
+    size_t unknowns;  // of its pose that no equation has been counted for
+  };
+  std::vector<View> views;
+  for (const auto& frame : frames) frame_idx.Add(frame.id);
+  for (const auto& [id, image] : ImagesOf(model, *this)) {
+    image_idx.Add(id);
+    const bool is_held = frames[frame_idx.Find(image->frame_id)].constant;
+    views.push_back({camera_idx.Find(image->camera_id), is_held ? size_t{0} : size_t{6}});
+  }
+  // Stops where all cameras have enough: after a small part of the observations.
+  const auto count = [&](const auto& track) {
+    for (const auto& observation : track) {
+      const uint32_t idx = image_idx.Find(observation.image_id);
+      if (idx == FlatIndex::kNone || views[idx].camera == FlatIndex::kNone) continue;
+      Count& camera = of_camera[views[idx].camera];
+      ++camera.observations;
+      const size_t for_pose = std::min<size_t>(2, views[idx].unknowns);
+      views[idx].unknowns -= for_pose;
+      const bool had_enough = camera.equations >= camera.needed;
+      camera.equations += 2 - for_pose;
+      if (!had_enough && camera.equations >= camera.needed) --num_open;
+    }
+    return num_open > 0;
+  };
+  bool go_on = true;
+  for (size_t i = 0; go_on && i < points.size(); ++i)
+    go_on = count(model.points3D.at(points[i].id).track);
+  if (options.config >= BundleConfig::kPointLine) {
+    for (size_t i = 0; go_on && i < lines.size(); ++i)
+      go_on = count(model.lines3D.at(lines[i].id).track);
+  }
+  std::vector<HeldIntrinsics> held;
+  if (!go_on) return held;
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    const Count& counted = of_camera[i];
+    // Without any, nothing moves them.
+    if (counted.equations >= counted.needed || counted.observations == 0) continue;
+    cameras[i].constant = true;
+    held.push_back({cameras[i].id, counted.observations});
+  }
+  return held;
 }
 
 void BundleSelection::HoldPoints() {

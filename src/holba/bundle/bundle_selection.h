@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "holba/bundle/flat_index.h"
+#include "holba/bundle/followers.h"
 #include "holba/bundle/gauge.h"
 #include "holba/scene/reconstruction.h"
 
@@ -30,6 +32,12 @@ struct SelectedGroup {
   std::vector<line3D_t> line3D_ids;
 };
 
+// Intrinsics that stay because the camera has too few observations.
+struct HeldIntrinsics {
+  camera_t camera_id;
+  size_t num_observations;
+};
+
 struct AroundOptions {
   // Frames that see a selected point or line from outside of the list take part, held.
   bool surroundings = true;
@@ -37,6 +45,7 @@ struct AroundOptions {
   bool hold_cameras = true;
 };
 
+// A point or line that is not held takes part only where two images of the selection see it.
 // Observations in images of frames that are not named take no part; members, incidences and
 // relations neither, unless both of their ends are named. The order of points, lines, groups,
 // incidences and relations is that of blocks and residuals; poses and intrinsics follow the order
@@ -50,8 +59,14 @@ struct BundleSelection {
   std::vector<WireframeEdge> wireframe;
   std::vector<Relation> relations;
   FixedGauge gauge;
+  std::vector<FixedGauge> gauges_of_other_parts;  // that share nothing with the first one
+  // Everything's variable points and lines that fewer than two images see: not in the lists above.
+  std::vector<SeenOnce<point3D_t>> points_seen_once;
+  std::vector<SeenOnce<line3D_t>> lines_seen_once;
 
-  // The whole model, with what the options hold. The model must be consistent.
+  // The whole model, with what the options hold. Points and lines that are not held and whose
+  // residuals are defined in fewer than two images are left out: they say nothing about the
+  // cameras. The model must be consistent.
   static BundleSelection Everything(const Reconstruction& model, const BundleOptions& options);
 
   // All cameras, the points and lines that the functions keep, and of the structure what these are
@@ -72,10 +87,29 @@ struct BundleSelection {
 
   // Poses and intrinsics stay as they are; nothing else has to fix the gauge.
   void HoldCameras();
+  // At least one; the first is that of the first part.
+  void SetGauges(std::vector<FixedGauge> gauges);
   void HoldPoints();
+  // Holds the intrinsics of cameras whose observations are too few for them beside the poses, and
+  // says which those are: a focal length fits four points however wrong it is.
+  std::vector<HeldIntrinsics> HoldUncertainIntrinsics(const Reconstruction& model,
+                                                      const BundleOptions& options);
   void HoldLines();
   bool HasVariableFrame() const;
 };
+
+// Whether two images of an index see a feature. One that a single image sees has no depth of its
+// own.
+template <typename Track>
+bool SeenInTwoImages(const Track& track, const FlatIndex& image_idx) {
+  image_t first = kInvalidId32;
+  for (const auto& observation : track) {
+    if (observation.image_id == first || !image_idx.contains(observation.image_id)) continue;
+    if (first != kInvalidId32) return true;
+    first = observation.image_id;
+  }
+  return false;
+}
 
 // Without the points that were made from structure: what points alone say.
 BundleSelection WithoutPointsOfStructure(const Reconstruction& model, BundleSelection selection);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "holba/scene/types.h"
 
@@ -40,5 +41,11 @@ struct FixedGauge {
 // all problems that are compared.
 FixedGauge ChooseGauge(const Reconstruction& model, const BundleOptions& options,
                        const BundleSelection& selection);
+
+// One gauge for each part of a selection: parts share no variable point, line or group, so that
+// nothing says how they stand to each other. Frames that see nothing are in none. At least one.
+std::vector<FixedGauge> ChooseGaugesOfParts(const Reconstruction& model,
+                                            const BundleOptions& options,
+                                            const BundleSelection& selection);
 
 }  // namespace holba

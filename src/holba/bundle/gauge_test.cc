@@ -227,5 +227,58 @@ TEST_F(GaugeTest, StaysAsChosenWhereTheModelMoves) {
   }
 }
 
+// Two rings of cameras, each around points of its own.
+class PartsTest : public testing::Test {
+ protected:
+  PartsTest() {
+    for (int i = 0; i < 8; ++i) {
+      const double x = i < 4 ? 0.0 : 40.0;
+      maker_.AddImage({x + 7.0 * std::cos(1.5 * i), 6.0 * std::sin(1.5 * i), 4.0 + 0.3 * i},
+                      {x, 0, 0});
+    }
+    maker_.Finish();
+    Random random(5);
+    for (int k = 0; k < 24; ++k) {
+      const double x = k < 12 ? 0.0 : 40.0;
+      maker_.AddPoint({x + random.Uniform(-2, 2), random.Uniform(-2, 2), random.Uniform(0, 2)},
+                      k < 12 ? std::vector<image_t>{1, 2, 3, 4} : std::vector<image_t>{5, 6, 7, 8});
+    }
+    options_ = PlainOptions();
+    options_.refine_focal_length = options_.refine_extra_params = false;
+  }
+
+  BundleSelection Select() const { return BundleSelection::Everything(maker_.model, options_); }
+  ModelMaker maker_;
+  BundleOptions options_;
+};
+
+TEST_F(PartsTest, HaveAGaugeEach) {
+  BundleSelection selection = Select();
+  ASSERT_EQ(selection.gauges_of_other_parts.size(), 1u);
+  EXPECT_EQ(selection.gauge.origin_frame, maker_.model.images.at(1).frame_id);
+  EXPECT_EQ(selection.gauges_of_other_parts[0].origin_frame, maker_.model.images.at(5).frame_id);
+  EXPECT_EQ(Nullity(BuildProblem(maker_.model, options_, selection).problem), 0);
+  selection.gauges_of_other_parts.clear();
+  EXPECT_EQ(Nullity(BuildProblem(maker_.model, options_, selection).problem), 7);
+}
+
+TEST_F(PartsTest, AreOneWhereAPointIsSeenFromBoth) {
+  maker_.AddPoint({0, 0, 0.5}, {1, 5});
+  EXPECT_TRUE(Select().gauges_of_other_parts.empty());
+}
+
+TEST_F(PartsTest, AreOneWhereTheyShareAPlane) {
+  maker_.AddGroup("PLANE", {0, 0, 1, 0}, {100, 101, 120, 121}, {});
+  EXPECT_TRUE(Select().gauges_of_other_parts.empty());
+  options_.config = BundleConfig::kPoint;
+  EXPECT_EQ(Select().gauges_of_other_parts.size(), 1u);
+}
+
+TEST_F(PartsTest, DoNotCountImagesThatSeeNothing) {
+  maker_.AddImage({0, 0, 90}, {0, 0, 0});
+  maker_.model.AddTrivialRigsAndFrames();
+  EXPECT_EQ(Select().gauges_of_other_parts.size(), 1u);
+}
+
 }  // namespace
 }  // namespace holba

@@ -102,16 +102,10 @@ class ProblemBuilder {
       if (ImageBlocks* image = ImageOf(observation.image_id)) visit(*image, observation);
     }
   }
-  // A feature seen in a single image has no depth of its own: it stays as it is.
+  // What is known, or what the images say something about.
   template <typename Track>
-  bool SeenInTwoImages(const Track& track) const {
-    image_t first = kInvalidId32;
-    for (const auto& observation : track) {
-      if (observation.image_id == first || !image_idx_.contains(observation.image_id)) continue;
-      if (first != kInvalidId32) return true;
-      first = observation.image_id;
-    }
-    return false;
+  bool TakesPart(bool constant, const Track& track) const {
+    return constant || SeenInTwoImages(track, image_idx_);
   }
 
   // One batch for each (term, camera model, group type, whether observations move), and each weight

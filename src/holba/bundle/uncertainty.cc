@@ -111,6 +111,7 @@ std::optional<ModelUncertainty> EstimateUncertainty(
   const Sim3d world_from_local = local.local_from_world().Inverse();
   ModelUncertainty result;
   BundleSelection selection = BundleSelection::Everything(model, options);
+  selection.HoldUncertainIntrinsics(model, options);
   if (summary.cameras_held) {
     // What contradicts the points does not make the cameras surer.
     BundleOptions points_only = options;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
+#include <optional>
 
 #include "holba/bundle/bundle_problem.h"
+#include "holba/bundle/reprojection.h"
 
 namespace holba {
 namespace {
@@ -17,11 +19,9 @@ void UpdateError(const Reconstruction& model, Point3D* point) {
   size_t count = 0;
   for (const PointObservation& observation : point->track) {
     const Image& image = model.images.at(observation.image_id);
-    const Camera& camera = model.cameras.at(image.camera_id);
-    Eigen::Vector2d pixel;
-    if (!camera.model->project(camera.params.data(), image.cam_from_world * point->xyz, &pixel))
-      continue;
-    sum += (pixel - image.points2D[observation.point2D_idx].xy).norm();
+    const std::optional<Eigen::Vector2d> pixel = PixelOf(model, image, point->xyz);
+    if (!pixel) continue;
+    sum += (*pixel - image.points2D[observation.point2D_idx].xy).norm();
     ++count;
   }
   point->error = count ? sum / static_cast<double>(count) : -1.0;
@@ -30,24 +30,11 @@ void UpdateError(const Reconstruction& model, Point3D* point) {
 void UpdateError(const Reconstruction& model, Line3D* line) {
   double sum = 0.0;
   size_t count = 0;
-  Vector6d pluecker;
-  pluecker << line->line.direction, line->line.moment;
   for (const LineObservation& observation : line->track) {
-    const Image& image = model.images.at(observation.image_id);
-    const Camera& camera = model.cameras.at(image.camera_id);
-    const Rigid3d& pose = image.cam_from_world;
-    const Eigen::Quaterniond q = pose.rotation.normalized();
-    const Eigen::Vector3d& t = pose.translation;
-    const double values[7] = {q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()};
-    const double* params = camera.params.data();
-    const LineSegment2d& segment = image.lines2D[observation.line2D_idx].segment;
-    const auto start = IdealPixel(*camera.model, params, segment.start);
-    const auto end = IdealPixel(*camera.model, params, segment.end);
-    const Eigen::Vector3d l =
-        ProjectLine(nullptr, values, camera.model->ideal_calibration(params), pluecker);
-    Eigen::Vector4d rho;
-    if (!start || !end || !PerpendicularValues(l, *start, *end, &rho)) continue;
-    sum += std::sqrt(0.5) * rho.norm();
+    const std::optional<Eigen::Vector4d> rho =
+        EndOffsets(model, model.images.at(observation.image_id), line->line, observation);
+    if (!rho) continue;
+    sum += std::sqrt(0.5) * rho->norm();
     ++count;
   }
   line->error = count ? sum / static_cast<double>(count) : -1.0;
@@ -93,6 +80,10 @@ void UpdateErrors(Reconstruction* model) {
 void UpdateErrors(const BundleSelection& selection, Reconstruction* model) {
   for (const auto& point : selection.points) UpdateError(*model, &model->points3D.at(point.id));
   for (const auto& line : selection.lines) UpdateError(*model, &model->lines3D.at(line.id));
+  for (const auto& point : selection.points_seen_once)
+    UpdateError(*model, &model->points3D.at(point.id));
+  for (const auto& line : selection.lines_seen_once)
+    UpdateError(*model, &model->lines3D.at(line.id));
 }
 
 }  // namespace holba

@@ -45,6 +45,13 @@ Eigen::Quaterniond MeanRotation(std::span<const Eigen::Quaterniond> rotations) {
   return Eigen::Quaterniond(Eigen::Vector4d(solver.eigenvectors().col(3))).normalized();
 }
 
+bool IsSeenOnce(const Point3D& point) {
+  return !point.track.empty() &&
+         std::all_of(point.track.begin(), point.track.end(), [&](const PointObservation& o) {
+           return o.image_id == point.track.front().image_id;
+         });
+}
+
 }  // namespace
 
 std::optional<Sim3d> EstimateSimilarity(std::span<const Eigen::Vector3d> from,
@@ -235,7 +242,8 @@ std::optional<Alignment> AlignReconstructions(const Reconstruction& model,
   if (basis != AlignmentBasis::kCentres && pairing.features_have_same_ids) {
     for (const auto& [id, point] : truth.points3D) {
       const Point3D* other = model.points3D.Find(id);
-      if (other == nullptr) continue;
+      // One that a single image sees has no depth.
+      if (other == nullptr || IsSeenOnce(*other)) continue;
       from.push_back(other->xyz);
       to.push_back(point.xyz);
     }

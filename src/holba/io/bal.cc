@@ -10,6 +10,7 @@
 #include "holba/base/check.h"
 #include "holba/base/error.h"
 #include "holba/camera/snavely.h"
+#include "holba/io/bzip2.h"
 #include "holba/io/files.h"
 #include "holba/io/text_io.h"
 
@@ -76,10 +77,12 @@ bool IsBalFile(const fs::path& path) {
   std::error_code ignored;
   if (!fs::is_regular_file(path, ignored)) return false;
   std::ifstream stream(path, std::ios::binary);
-  std::string bytes(4096, '\0');
+  constexpr size_t kHead = 4096;
+  std::string bytes(kHead, '\0');
   stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   bytes.resize(static_cast<size_t>(stream.gcount()));
   try {
+    if (IsBzip2(bytes)) bytes = UnpackBzip2(ReadFileBytes(path), path, kHead);
     TextIn in(bytes, path);
     if (!in.NextRecord()) return false;
     for (int i = 0; i < 3; ++i) in.Number("a count");
@@ -94,7 +97,11 @@ bool IsBalFile(const fs::path& path) {
   }
 }
 
-Reconstruction ReadBal(const fs::path& path) { return ParseBal(ReadFileBytes(path), path); }
+Reconstruction ReadBal(const fs::path& path) {
+  std::string bytes = ReadFileBytes(path);
+  if (IsBzip2(bytes)) bytes = UnpackBzip2(bytes, path);
+  return ParseBal(bytes, path);
+}
 
 Reconstruction ParseBal(std::string_view bytes, const fs::path& path) {
   TextIn in(bytes, path);

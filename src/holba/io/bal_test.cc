@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/io/bal.h"
 
+#include <bzlib.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <sstream>
 
-#include "holba/base/error.h"
 #include "holba/base/data_testing.h"
+#include "holba/base/error.h"
+#include "holba/io/bzip2.h"
 #include "holba/io/test_models.h"
 
 namespace holba {
@@ -162,6 +164,45 @@ TEST(Bal, CorruptedProblemsAreRefusedWithTheirLine) {
       EXPECT_THAT(error.what(), HasSubstr(c.message));
     }
   }
+}
+
+// As the problems are handed out.
+std::string Packed(std::string text) {
+  std::string packed(text.size() + 1000, '\0');
+  unsigned size = static_cast<unsigned>(packed.size());
+  EXPECT_EQ(BZ2_bzBuffToBuffCompress(packed.data(), &size, text.data(),
+                                     static_cast<unsigned>(text.size()), 9, 0, 0),
+            BZ_OK);
+  packed.resize(size);
+  return packed;
+}
+
+TEST(Bal, APackedFileIsReadAsTheFileItself) {
+  const TestFolder folder;
+  const std::filesystem::path path = folder / "p.txt.bz2";
+  WriteBytes(path, Packed(kProblem));
+  EXPECT_TRUE(IsBalFile(path));
+  ExpectSameProblem(kProblem, Written(ReadBal(path)));
+  const std::string text = kProblem;  // of two streams, as pbzip2 writes
+  WriteBytes(path, Packed(text.substr(0, 50)) + Packed(text.substr(50)));
+  ExpectSameProblem(kProblem, Written(ReadBal(path)));
+}
+
+TEST(Bal, APackedFileThatIsDamagedIsRefused) {
+  const std::string packed = Packed(kProblem);
+  const auto message = [](const std::string& bytes) -> std::string {
+    try {
+      UnpackBzip2(bytes, "p.bz2");
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(message(packed.substr(0, packed.size() / 2)), HasSubstr("p.bz2: the end of"));
+  std::string changed = packed;
+  changed[packed.size() / 2] ^= 0x55;
+  EXPECT_THAT(message(changed), HasSubstr("p.bz2: the packed data (bzip2) is damaged"));
+  EXPECT_EQ(UnpackBzip2(packed, "p.bz2", 10), std::string(kProblem).substr(0, 10));
 }
 
 TEST(Bal, CamerasThatDoNotFitAreRefusedByName) {

@@ -2,6 +2,7 @@
 #include "holba/io/colmap_files.h"
 
 #include <algorithm>
+#include <cmath>
 #include <unordered_map>
 
 namespace holba {
@@ -71,6 +72,14 @@ void WriteSensor(Out& out, const SensorId& sensor) {
   out.Index(sensor.id);
 }
 
+// COLMAP takes a quaternion of any length. What is off by rounding keeps its bits.
+void NormaliseAsColmap(Eigen::Quaterniond* rotation) {
+  constexpr double kRounding = 1e-3;
+  const double norm = rotation->norm();
+  if (std::isfinite(norm) && norm > 0.0 && std::abs(norm - 1.0) > kRounding)
+    rotation->coeffs() /= norm;
+}
+
 // `what` names the record in messages: "image 3".
 template <typename In>
 Rigid3d ReadPose(In& in, const std::string& what) {
@@ -79,6 +88,7 @@ Rigid3d ReadPose(In& in, const std::string& what) {
   pose.rotation.x() = in.Real("QX");
   pose.rotation.y() = in.Real("QY");
   pose.rotation.z() = in.Real("QZ");
+  NormaliseAsColmap(&pose.rotation);
   pose.translation = ReadVector3(in, "TX", "TY", "TZ");
   if (const Fault fault = FindFault(pose)) in.FailRecord(what + " " + *fault);
   return pose;

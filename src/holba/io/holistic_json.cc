@@ -84,17 +84,10 @@ std::string HolisticJson(const ModelFrame& frame) {
 
 void CheckFrame(const ModelFrame& stated, const ModelFrame& actual,
                 const std::filesystem::path& path) {
-  constexpr const char* kRemedy =
-      "a tool that does not know the side files has changed the cameras, so that lines and groups "
-      "no "
-      "longer fit them. Restore the COLMAP files, or make the change with this program's commands, "
-      "or "
-      "remove the side files (lines2D, lines3D, groups2D, groups3D, wireframe, relations and "
-      "holistic.json) to read a plain COLMAP model";
   if (stated.num_images != actual.num_images) {
     throw InputError(
         path, fmt::format("the side files belong to a model of {} images, this one has {}: {}",
-                          stated.num_images, actual.num_images, kRemedy));
+                          stated.num_images, actual.num_images, kSideFilesRemedy));
   }
   const double allowed =
       kMaxFrameDifference * stated.spread + kMaxRounding * (1.0 + stated.centroid.norm());
@@ -107,7 +100,7 @@ void CheckFrame(const ModelFrame& stated, const ModelFrame& actual,
                   "those of this model have centroid {} and spread {:.6g}, which is more than 1 % "
                   "of the spread off: {}",
                   ToText(stated.centroid), stated.spread, ToText(actual.centroid), actual.spread,
-                  kRemedy));
+                  kSideFilesRemedy));
 }
 
 }  // namespace holba

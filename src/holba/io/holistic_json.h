@@ -20,6 +20,14 @@ struct ModelFrame {
   double spread = 0.0;
 };
 
+// What to do where the side files do not fit the cameras, points or lines of the model; ends a
+// message.
+inline constexpr const char* kSideFilesRemedy =
+    "a tool that does not know the side files has changed the model, so that lines and groups no "
+    "longer fit it. Restore the COLMAP files, or make the change with this program's commands, or "
+    "remove the side files (lines2D, lines3D, groups2D, groups3D, wireframe, relations, "
+    "point_origins and holistic.json) to read a plain COLMAP model";
+
 ModelFrame FrameOf(const Reconstruction& model);
 
 // Throws InputError: no JSON, another format version, fields that are missing or of a wrong kind.

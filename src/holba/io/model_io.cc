@@ -211,7 +211,9 @@ void ReadRigsAndFrames(const fs::path& folder, ModelFormat format, Reconstructio
 
 void CheckConsistency(const Reconstruction& model, const fs::path& folder) {
   if (const std::optional<std::string> fault = model.FindInconsistency()) {
-    throw InputError(folder, "the files of this model do not fit each other: " + *fault);
+    throw InputError(folder,
+                     "the files of this model do not fit each other: " + *fault +
+                         (IsHolistic(model) ? std::string("; perhaps ") + kSideFilesRemedy : ""));
   }
 }
 

@@ -5,6 +5,8 @@
 #include <tuple>
 #include <unordered_set>
 
+#include "holba/io/holistic_json.h"
+
 namespace holba {
 namespace {
 
@@ -47,7 +49,8 @@ Image* ReadImageId(In& in, Reconstruction* model, image_t* image_id) {
   *image_id = in.Index("IMAGE_ID");
   Image* image = model->FindImage(*image_id);
   if (image == nullptr) {
-    in.Fail(fmt::format("expected IMAGE_ID of an image of the model, found {}", *image_id));
+    in.Fail(fmt::format("expected IMAGE_ID of an image of the model, found {}: {}", *image_id,
+                        kSideFilesRemedy));
   }
   return image;
 }
@@ -114,8 +117,8 @@ std::vector<uint32_t> ReadIndices(In& in, const char* num, const char* idx_name,
   for (size_t i = 0; i < count; ++i) {
     const uint32_t idx = in.Index(idx_name);
     if (idx >= size) {
-      in.Fail(
-          fmt::format("expected {} below {} (what the image has), found {}", idx_name, size, idx));
+      in.Fail(fmt::format("expected {} below {} (what the image has), found {}: {}", idx_name, size,
+                          idx, kSideFilesRemedy));
     }
     idxs.push_back(idx);
   }
@@ -131,7 +134,8 @@ std::vector<uint64_t> ReadIds(In& in, const char* num, const char* id_name, cons
   for (size_t i = 0; i < count; ++i) {
     const uint64_t id = in.Key(id_name);
     if (!map.contains(id)) {
-      in.Fail(fmt::format("expected {} of the model, found {}, which is not in it", id_name, id));
+      in.Fail(fmt::format("expected {} of the model, found {}, which is not in it: {}", id_name, id,
+                          kSideFilesRemedy));
     }
     ids.push_back(id);
   }
@@ -226,13 +230,13 @@ void ReadWireframeRecords(In& in, Reconstruction* model) {
     WireframeEdge edge;
     edge.point3D_id = in.Key("POINT3D_ID");
     if (!model->points3D.contains(edge.point3D_id)) {
-      in.Fail(fmt::format("expected POINT3D_ID of the model, found {}, which is not in it",
-                          edge.point3D_id));
+      in.Fail(fmt::format("expected POINT3D_ID of the model, found {}, which is not in it: {}",
+                          edge.point3D_id, kSideFilesRemedy));
     }
     edge.line3D_id = in.Key("LINE3D_ID");
     if (!model->lines3D.contains(edge.line3D_id)) {
-      in.Fail(fmt::format("expected LINE3D_ID of the model, found {}, which is not in it",
-                          edge.line3D_id));
+      in.Fail(fmt::format("expected LINE3D_ID of the model, found {}, which is not in it: {}",
+                          edge.line3D_id, kSideFilesRemedy));
     }
     edge.num_images = in.Number("NUM_IMAGES");
     in.EndRecord();
@@ -245,7 +249,8 @@ group3D_t ReadRelatedGroup(In& in, const Reconstruction& model, const char* what
   const group3D_t id = in.Key(what);
   const Group3D* group = model.groups3D.Find(id);
   if (group == nullptr) {
-    in.Fail(fmt::format("expected {} of the model, found {}, which is not in it", what, id));
+    in.Fail(fmt::format("expected {} of the model, found {}, which is not in it: {}", what, id,
+                        kSideFilesRemedy));
   }
   if (!group->type->HasDirection()) {
     in.Fail(fmt::format("expected {} of a group with a direction, found {}, a {}", what, id,
@@ -288,7 +293,10 @@ void ReadPointOriginRecords(In& in, Reconstruction* model) {
   while (in.NextRecord()) {
     const point3D_t id = in.Key("POINT3D_ID");
     Point3D* point = model->points3D.Find(id);
-    if (point == nullptr) in.Fail(fmt::format("expected POINT3D_ID of the model, found {}", id));
+    if (point == nullptr) {
+      in.Fail(fmt::format("expected POINT3D_ID of the model, found {}, which is not in it: {}", id,
+                          kSideFilesRemedy));
+    }
     size_t origin = 0;
     if constexpr (In::kBinary) {
       origin = in.Byte("ORIGIN");

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/io/text_io.h"
 
+#include "holba/base/log.h"
+
 namespace holba {
 namespace {
 
@@ -13,6 +15,8 @@ TextIn::TextIn(std::string_view bytes, const std::filesystem::path& path)
     : bytes_(bytes), path_(path) {
   constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
   if (bytes_.starts_with(kByteOrderMark)) next_ = kByteOrderMark.size();
+  if (bytes_.starts_with("\xFF\xFE") || bytes_.starts_with("\xFE\xFF"))
+    throw InputError(path_, "expected text in ASCII or UTF-8, found UTF-16: save it as UTF-8");
 }
 
 bool TextIn::Advance() {
@@ -34,10 +38,10 @@ bool TextIn::NextRecord() {
 }
 
 void TextIn::NextRawLine(const char* what) {
-  if (!Advance()) {
-    Fail(std::string("expected ") + what +
-         " in the next line (it may be empty), found the end of the file: it is truncated");
-  }
+  if (Advance()) return;
+  LogWarning("{}: the file ends after line {}, without a line of {}, which is taken as empty",
+             path_.string(), line_, what);
+  p_ = line_end_;
 }
 
 void TextIn::EndRecord() {

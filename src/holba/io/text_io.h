@@ -33,7 +33,8 @@ class TextIn {
   size_t NumRecordsAtMost() const { return (bytes_.size() - next_) / 2; }
   // Goes to the next line with fields. False: there is none.
   bool NextRecord();
-  // Goes to the next line, whatever it holds; fails at the end of the file.
+  // Goes to the next line, whatever it holds. Editors take an empty last line away: at the end of
+  // the file the line is empty, with a warning that names `what`.
   void NextRawLine(const char* what);
   void EndRecord();
   void Finish() {}

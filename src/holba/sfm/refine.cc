@@ -12,6 +12,7 @@
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/bundle_selection.h"
+#include "holba/bundle/followers.h"
 #include "holba/scene/local_frame.h"
 #include "holba/scene/selection.h"
 
@@ -99,11 +100,14 @@ class Refiner {
     SolverOptions solver = options_.solver;
     if (!is_last) solver.function_tolerance = std::max(solver.function_tolerance, kRoundTolerance);
     const Reliability& reliability = report_.reliability;
+    // What a single image sees is in neither stage and follows the cameras of this one.
+    const Followers followers(model_, PointsSeenOnce(model_), LinesSeenOnce(model_));
     // Groups with too little active support would be free to go anywhere.
     const BundleSelection part = BundleSelection::OfFeatures(
         model_, bundle_, [&](point3D_t id) { return !reliability.unreliable_points.contains(id); },
         [&](line3D_t id) { return !reliability.unreliable_lines.contains(id); }, kMinSupport);
     report_.stage1 = AdjustBundle(bundle_, solver, part, &model_, {}, log_, known_sigmas_);
+    followers.Place(&model_);
     known_sigmas_ = report_.stage1.auto_sigmas;
     Reject(report_.stage1.filter);
   }

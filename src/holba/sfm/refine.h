@@ -47,8 +47,9 @@ struct RefineReport {
 // Matches segments on the poses that structure is built on.
 using LineMatcher = std::function<LineMatchMap(const Reconstruction&)>;
 
-// The model holds poses and points; what structure it has is replaced. `observe_regions` may be
-// empty. `log`: a sentence for each step.
+// The model holds poses and points; what structure it has is replaced. `match_lines` and
+// `observe_regions`, which may be empty, see the model in its local frame (local_frame.h). `log`: a
+// sentence for each step.
 RefineReport RefineModel(const RefineOptions& options, const ImageFeatureMap& features,
                          const LineMatcher& match_lines, const RegionObserver& observe_regions,
                          Reconstruction* model, const std::function<void(const std::string&)>& log);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "holba/io/test_models.h"
+#include "holba/scene/local_frame.h"
 #include "holba/sfm/refine_testing.h"
 
 namespace holba {
@@ -223,12 +224,13 @@ TEST(Refine, WrongMembersAreThrownOutAndCounted) {
 }
 
 // Lines at the height of every other camera, seen by these alone: the images say next to nothing of
-// their depth. In image 5 all of them are 2 px too high.
-std::vector<line3D_t> AddWeakLines(Reconstruction* model) {
+// their depth. In image 5 all of them are 2 px too high. The model is in its local frame.
+std::vector<line3D_t> AddWeakLines(const Sim3d& local_from_world, Reconstruction* model) {
   std::vector<line3D_t> ids;
   for (int k = 0; k < 8; ++k) {
     const double z = -4.5 + 0.15 * k, y = -0.92 + 0.005 * k;
-    const Eigen::Vector3d start(-0.6, y, z), end(0.7, y, z + 0.8);
+    const Eigen::Vector3d start = local_from_world * Eigen::Vector3d(-0.6, y, z);
+    const Eigen::Vector3d end = local_from_world * Eigen::Vector3d(0.7, y, z + 0.8);
     Line3D line{.line = PlueckerLine::FromPoints(start, end), .start = start, .end = end};
     const line3D_t id = 1000 + k;
     for (const image_t image_id : {1, 3, 5, 7}) {
@@ -251,7 +253,7 @@ TEST(Refine, LinesThatAreWeakInDepthDoNotMoveCameras) {
   const Reconstruction start = Perturbed(scene.house.model, 0.3, 0.03, 9);
   std::vector<line3D_t> weak;
   const RegionObserver plant = [&](Reconstruction* model) {
-    weak = AddWeakLines(model);
+    weak = AddWeakLines(LocalFromWorld(start), model);
     return RegionObservations();
   };
   RefineOptions options = WithIntrinsicsHeld();

@@ -2,6 +2,7 @@
 #include "holba/estimation/points/point_triangulation.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -192,9 +193,12 @@ std::optional<Eigen::Matrix3d> PointCovariance(std::span<const PointView> views,
     const Matrix23d J = ProjectionJacobian(*v.view, X);
     A += J.transpose() * J;
   }
-  const Eigen::LDLT<Eigen::Matrix3d> ldlt(A);
-  if (!(ldlt.vectorD().minCoeff() > 1e-14 * ldlt.vectorD().maxCoeff())) return std::nullopt;
-  return Eigen::Matrix3d(ldlt.solve(Eigen::Matrix3d::Identity()));
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(A);
+  // Rays parallel to 1e-6 rad: the depth is unknown.
+  if (!(eigen.eigenvalues()[0] > 1e-12 * eigen.eigenvalues()[2])) return std::nullopt;
+  return Eigen::Matrix3d(eigen.eigenvectors() *
+                         eigen.eigenvalues().cwiseInverse().asDiagonal() *
+                         eigen.eigenvectors().transpose());
 }
 
 double PixelsPerLength(std::span<const PointView> views, const Eigen::Vector3d& X) {

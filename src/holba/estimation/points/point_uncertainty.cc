@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/estimation/points/point_uncertainty.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -17,22 +15,15 @@ namespace holba {
 std::optional<Eigen::Matrix3d> PointCovariance(const ViewMap& views, const Eigen::Vector3d& X,
                                                std::span<const PointObservation> observations,
                                                double sigma_px) {
-  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-  int num_views = 0;
+  std::vector<PointView> in_front;
   for (const PointObservation& o : observations) {
     const IdealView& view = views.at(o.image_id);
-    if (!(view.Depth(X) > 0.0)) continue;
-    const Matrix23d J = ProjectionJacobian(view, X);
-    information += J.transpose() * J;
-    ++num_views;
+    if (view.Depth(X) > 0.0) in_front.push_back({&view, Eigen::Vector2d::Zero()});
   }
-  if (num_views < 2) return std::nullopt;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(information);
-  // Rays parallel to 1e-6 rad: the depth is unknown.
-  if (!(eigen.eigenvalues()[0] > 1e-12 * eigen.eigenvalues()[2])) return std::nullopt;
-  return Eigen::Matrix3d(sigma_px * sigma_px * eigen.eigenvectors() *
-                         eigen.eigenvalues().cwiseInverse().asDiagonal() *
-                         eigen.eigenvectors().transpose());
+  if (in_front.size() < 2) return std::nullopt;
+  const std::optional<Eigen::Matrix3d> covariance_1px = PointCovariance(in_front, X);
+  if (!covariance_1px) return std::nullopt;
+  return Eigen::Matrix3d(sigma_px * sigma_px * *covariance_1px);
 }
 
 double MaxTriangulationAngleRad(const ViewMap& views, const Eigen::Vector3d& X,
