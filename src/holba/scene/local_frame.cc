@@ -12,6 +12,8 @@ namespace {
 
 // So many points say where the middle is and how wide the scene is.
 constexpr size_t kMaxPoints = 10000;
+// Of the cameras' box in its normalised form.
+constexpr double kExtent = 10.0;
 // Cameras within this share of the width of the points are one camera that turns: how they scatter
 // says nothing about the size of the scene.
 constexpr double kMinShareOfPoints = 1e-3;
@@ -103,7 +105,6 @@ bool Same(const PlueckerLine& a, const PlueckerLine& b) {
 }  // namespace
 
 std::optional<Sim3d> NormalisedFromWorld(const Reconstruction& model) {
-  constexpr double kExtent = 10.0;
   if (model.images.empty()) return std::nullopt;
   const Extent extent = ExtentOf(CameraCentres(model));
   // Cameras at one place say nothing about the scale.
@@ -113,7 +114,7 @@ std::optional<Sim3d> NormalisedFromWorld(const Reconstruction& model) {
 Sim3d LocalFromWorld(const Reconstruction& model) {
   const Extent cameras = ExtentOf(CameraCentres(model)), points = ExtentOf(SomePoints(model));
   return To(model.images.empty() ? points.middle : cameras.middle,
-            std::max(cameras.diagonal, kMinShareOfPoints * points.diagonal));
+            std::max(cameras.diagonal, kMinShareOfPoints * points.diagonal) / kExtent);
 }
 
 LocalFrame::LocalFrame(Reconstruction* model, Unit unit)

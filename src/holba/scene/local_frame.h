@@ -16,10 +16,10 @@ namespace holba {
 // has a pose.
 std::optional<Sim3d> NormalisedFromWorld(const Reconstruction& model);
 
-// The same origin, and the diagonal as unit of length; where the cameras are at one place (one of
-// them, pure rotation), the unit follows from the points. In map coordinates (an origin 1e6 units
-// away) a rotation about the origin moves every camera by far more than the scene is wide, so that
-// no step of an adjustment, no tolerance and no covariance means what it should.
+// The same for models of any kind: without images it follows from the points, and where the cameras
+// are at one place (one of them, pure rotation) its unit does. In map coordinates (an origin 1e6
+// units away) a rotation about the origin moves every camera by far more than the scene is wide, so
+// that no step of an adjustment, no tolerance and no covariance means what it should.
 Sim3d LocalFromWorld(const Reconstruction& model);
 
 // Moves a model to its local frame, and back when it is destroyed. What has not changed in between
