@@ -102,7 +102,7 @@ constexpr Backend kBackends[] = {
 
 INSTANTIATE_TEST_SUITE_P(
     Scenes, OriginLaw,
-    testing::Combine(testing::Values(0.0, 5.4e6), testing::Values(1e-3, 1.0, 1e6),
+    testing::Combine(testing::Values(0.0, 5.4e6, 1e7), testing::Values(1e-3, 1.0, 1e6),
                      testing::Values(BundleConfig::kPoint, BundleConfig::kHolistic),
                      testing::ValuesIn(kBackends)));
 
