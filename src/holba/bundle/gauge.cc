@@ -11,6 +11,7 @@
 #include "holba/bundle/bundle_selection.h"
 #include "holba/bundle/flat_index.h"
 #include "holba/geometry/manifold.h"
+#include "holba/geometry/types.h"
 
 namespace holba {
 namespace {
@@ -26,12 +27,6 @@ using Matrix7 = Eigen::Matrix<double, 7, 7>;
 constexpr double kMinEigenvalueRatio = 1e-8;
 // Step of central differences, in the unit of length.
 constexpr double kStep = 1e-5;
-
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 struct SelectedView {
   Eigen::Vector3d centre;  // of the camera
@@ -91,7 +86,7 @@ class Resistance {
   Motion MotionOf(const Eigen::Vector3d& X) const {
     const Eigen::Vector3d Y = (X - centre_) / unit_;
     Motion motion;
-    motion << -Cross(Y), Eigen::Matrix3d::Identity(), Y;
+    motion << -CrossMatrix(Y), Eigen::Matrix3d::Identity(), Y;
     return unit_ * motion;
   }
   // The similarity itself, in one of the seven directions.
