@@ -71,9 +71,6 @@ json SummaryToJson(const BundleSummary& summary) {
           {"terms", terms},
           {"associations", associations},
           {"groups_dropped", summary.groups_dropped},
-          {"camera_shift_sigmas",
-           summary.camera_shift_sigmas ? json(*summary.camera_shift_sigmas) : json(nullptr)},
-          {"cameras_held", summary.cameras_held},
           {"points_seen_once", summary.points_seen_once},
           {"lines_seen_once", summary.lines_seen_once},
           {"cameras_with_held_intrinsics", held_intrinsics},
@@ -123,11 +120,6 @@ std::string SummaryToText(const BundleSummary& summary) {
     text += fmt::format("left out {} of {} {}\n", count.rejected, count.tested, kind);
   }
   if (summary.groups_dropped) text += fmt::format("left out {} groups\n", summary.groups_dropped);
-  if (summary.camera_shift_sigmas) {
-    const char* what = summary.cameras_held ? "held: lines and structure would move them" : "moved";
-    text += fmt::format("cameras {} by {:.2f} of their standard deviations from points alone\n",
-                        what, *summary.camera_shift_sigmas);
-  }
   const bool has_angular = std::any_of(s.final_terms.begin(), s.final_terms.end(),
                                        [](const TermCost& t) { return t.angular; });
   if (has_angular && summary.angular_weight_factor != 1.0) {

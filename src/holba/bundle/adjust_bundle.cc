@@ -8,8 +8,8 @@
 
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
-#include "holba/bundle/camera_shift.h"
 #include "holba/bundle/losses.h"
+#include "holba/bundle/weight_choice.h"
 
 namespace holba {
 namespace {
@@ -18,8 +18,10 @@ constexpr int kMaxRounds = 12;
 // A round before the last need not converge: it only has to bring the residuals near.
 constexpr int kRoundIterations = 15;
 constexpr double kRoundTolerance = 1e-4;
-// Above so many frames the cameras' covariances cost more than the adjustment.
-constexpr size_t kMaxFramesOfReference = 2000;
+// Nearly the Gauss-Newton step: where an optimum of a little less or other weight is near, damping
+// only keeps weak directions from going there.
+constexpr double kNearTrustRadius = 1e8;
+constexpr double kNearTolerance = 1e-6;
 
 void Accumulate(const SolverSummary& round, SolverSummary* sum) {
   SolverSummary merged = round;
@@ -64,16 +66,11 @@ class Adjuster {
     summary_.held_intrinsics = selection_.HoldUncertainIntrinsics(model_, options_);
     const Followers followers(model_, selection_.points_seen_once, selection_.lines_seen_once);
     const std::vector<double> start = Build().problem.state();
-    AdjustPointsForReference();
-    if (HasAssociations()) {
-      AdjustFeatures();
-      GateAssociations();
-    }
+    const bool chooses = HasChoice();
+    if (HasAssociations() || chooses) AdjustFeatures();
+    if (HasAssociations()) GateAssociations();
+    if (chooses) ChooseWeights();
     BundleProblem bundle = AdjustAll();
-    if (Contradicts(bundle)) {
-      ReturnToReference();
-      bundle = AdjustAll();
-    }
     WriteBack(bundle, &model_);
     followers.Place(&model_);
     Summarise(start, &bundle);
@@ -96,62 +93,17 @@ class Adjuster {
     return options_.gate && options_.config >= BundleConfig::kGroups &&
            (!selection_.groups.empty() || !selection_.wireframe.empty());
   }
-  // Whether points alone say how sure the cameras are, and something else could move these.
-  bool HasReference() const {
-    return options_.max_camera_shift_sigmas > 0.0 && options_.config != BundleConfig::kPoint &&
+  // Whether something besides points moves cameras, and points could say how much it should.
+  bool HasChoice() const {
+    return options_.choose_weights && options_.config != BundleConfig::kPoint &&
            selection_.HasVariableFrame() && !options_.fix_points &&
-           options_.gauge == Gauge::kTwoCams && !selection_.gauge.needs_structure &&
-           !selection_.points.empty() && selection_.frames.size() <= kMaxFramesOfReference;
-  }
-
-  // Points alone: where they have the cameras, and how surely.
-  void AdjustPointsForReference() {
-    if (!HasReference()) return;
-    BundleOptions points_only = options_;
-    points_only.config = BundleConfig::kPoint;
-    BundleProblem bundle =
-        BuildProblem(model_, points_only, WithoutPointsOfStructure(model_, selection_));
-    AnnealAndSolve(solver_options_, &bundle.problem);
-    if (stopped_) return;
-    reference_ = CameraReference::Of(bundle, solver_options_.num_threads, &workspace_);
-    if (!reference_) return;
-    WriteBack(bundle, &model_);
-    points_alone_.emplace(std::move(bundle));
-  }
-
-  // Whether a problem's cameras are farther from those of points alone than these are uncertain.
-  bool Contradicts(const BundleProblem& bundle) {
-    if (!reference_ || stopped_) return false;
-    summary_.camera_shift_sigmas = reference_->ShiftSigmas(bundle);
-    if (log_) {
-      log_(fmt::format("Cameras moved by {:.2f} of their standard deviations from points alone",
-                       *summary_.camera_shift_sigmas));
-    }
-    return *summary_.camera_shift_sigmas > options_.max_camera_shift_sigmas;
-  }
-
-  // Back to the cameras (and points) of points alone; there they stay. Not to those of points and
-  // lines, where these passed: less information has less to contradict with.
-  void ReturnToReference() {
-    WriteBack(*points_alone_, &model_);
-    selection_.HoldCameras();
-    summary_.cameras_held = true;
-    reference_.reset();
-    if (log_) log_("They contradict the points: the cameras stay");
+           !selection_.gauge.needs_structure && scales_.Measures("point");
   }
 
   // Points and lines alone: what structure is tested on.
   void AdjustFeatures() {
-    const auto adjust = [&] {
-      BundleProblem bundle = BuildFeatures(selection_);
-      AnnealAndSolve(solver_options_, &bundle.problem);
-      return bundle;
-    };
-    BundleProblem bundle = adjust();
-    if (Contradicts(bundle)) {
-      ReturnToReference();
-      bundle = adjust();
-    }
+    BundleProblem bundle = BuildFeatures(selection_);
+    AnnealAndSolve(HasAssociations() ? solver_options_ : Short(), &bundle.problem);
     WriteBack(bundle, &model_);
   }
 
@@ -186,11 +138,56 @@ class Adjuster {
     summary_.filter = std::move(report.filter);
   }
 
-  // Everything with the associations that passed, to convergence.
+  // What moves the cameras, by what the cameras then predict.
+  void ChooseWeights() {
+    if (stopped_) return;
+    const auto solve = [&](int num_iterations, Problem* problem) {
+      SolverOptions near = Short();
+      near.max_num_iterations = std::min(near.max_num_iterations, num_iterations);
+      near.function_tolerance = kNearTolerance;
+      near.initial_trust_radius = kNearTrustRadius;
+      Solve(near, problem);
+      return !stopped_;
+    };
+    summary_.weight_choice = holba::ChooseWeights(
+        {options_, selection_, measurements_, summary_.filter, scales_.scales().at("point"),
+         solver_options_.num_threads, &scales_, solve},
+        &model_);
+    LogChoice();
+  }
+
+  // Everything with the associations that passed, to convergence: the cameras with the weights that
+  // were chosen; then, where these are others, all the rest on these cameras with the weights as
+  // given.
   BundleProblem AdjustAll() {
+    const WeightChoice& choice = summary_.weight_choice;
+    if (!choice.weights.IsAsGiven() || choice.without_unverified) {
+      AdjustCameras(choice);
+      selection_.HoldCameras();
+    }
     BundleProblem bundle = Build();
     AnnealAndSolve(solver_options_, &bundle.problem);
     return bundle;
+  }
+
+  void AdjustCameras(const WeightChoice& choice) {
+    if (stopped_) return;
+    BundleSelection seen = choice.without_unverified
+                               ? WithoutPoints(selection_, UnverifiedPoints(model_, selection_))
+                               : selection_;
+    BundleOptions options = options_;
+    if (choice.weights.points_alone) {
+      options.config = BundleConfig::kPoint;
+      seen = WithoutPointsOfStructure(model_, std::move(seen));
+    }
+    BundleProblem bundle =
+        BuildProblem(model_, options, seen, measurements_, &summary_.filter);
+    scales_.Begin(bundle.problem);
+    scales_.Weigh(choice.weights.structure);
+    Solve(solver_options_, &bundle.problem);
+    WriteBack(bundle, &model_);
+    scales_.Weigh({});
+    scales_.Leave();
   }
 
   void Summarise(const std::vector<double>& start, BundleProblem* bundle) {
@@ -216,6 +213,16 @@ class Adjuster {
                           kind);
     }
     log_(fmt::format("Associations left out:{}; groups: {}", text, report.groups_dropped));
+  }
+
+  void LogChoice() const {
+    if (!log_) return;
+    const WeightChoice& choice = summary_.weight_choice;
+    for (const WeightTrial& trial : choice.trials) {
+      log_(fmt::format("Points left out cost {:+.4f} +- {:.4f} with {}", trial.from_points.mean,
+                       trial.from_points.standard_error, trial.weights.Text()));
+    }
+    log_(fmt::format("{} tracks left out choose: {}; points of two images {} ({:+.4f} +- {:.4f})", choice.num_tracks, choice.weights.Text(), choice.without_unverified ? "left out" : "count", choice.pairs_from_verified.mean, choice.pairs_from_verified.standard_error));
   }
 
   SolverOptions Short() const {
@@ -258,9 +265,7 @@ class Adjuster {
   AutoScales scales_;
   SolverWorkspace workspace_;  // many rounds are of one structure
   BundleSummary summary_;
-  std::optional<CameraReference> reference_;
-  std::optional<BundleProblem> points_alone_;  // that it is of
-  bool stopped_ = false;                       // by the caller, or because time is up
+  bool stopped_ = false;      // by the caller, or because time is up
 };
 
 // Estimates what the configuration left out, with everything that took part held: first lines on

@@ -13,6 +13,7 @@
 #include "holba/bundle/bundle_options.h"
 #include "holba/bundle/bundle_selection.h"
 #include "holba/bundle/losses.h"
+#include "holba/bundle/weight_choice.h"
 #include "holba/scene/local_frame.h"
 #include "holba/scene/reconstruction.h"
 #include "holba/solver/solver.h"
@@ -32,11 +33,8 @@ struct BundleSummary {
   std::map<std::string, AssociationCount> associations;
   size_t groups_dropped = 0;
   AssociationFilter filter;  // which those were
-  // How far lines and structure moved the cameras from where points alone have them, in standard
-  // deviations of the latter (camera_shift.h), at the last test; empty: not tested. Too far
-  // (max_camera_shift_sigmas): the cameras were held where points alone have them.
-  std::optional<double> camera_shift_sigmas;
-  bool cameras_held = false;
+  // What moved the cameras, and on what evidence.
+  WeightChoice weight_choice;
   // Points and lines that fewer than two images see: they took no part and followed their images.
   size_t points_seen_once = 0, lines_seen_once = 0;
   std::vector<HeldIntrinsics> held_intrinsics;

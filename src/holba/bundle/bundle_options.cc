@@ -91,11 +91,9 @@ void BundleOptions::Describe(OptionTable* table) const {
                "Rounds of testing associations and adjusting.");
   table->Field("gate_confidence", &gate_confidence, Between(0.5, 0.999999),
                "Share of the right associations that passes a test.");
-  table->Field(
-      "max_camera_shift_sigmas", &max_camera_shift_sigmas, AtLeast(0),
-      "Lines and structure that move the cameras farther than this from where points alone "
-      "have them, in standard deviations of the latter, contradict the points and move no "
-      "camera; 0: not tested.");
+  table->Field("choose_weights", &choose_weights,
+               "Whether points that are left out choose how much lines and structure move the cameras; "
+               "else their weights are as given.");
   table->Field("refine_focal_length", &refine_focal_length, "Whether focal lengths are adjusted.")
       .Basic();
   table->Field("refine_principal_point", &refine_principal_point,

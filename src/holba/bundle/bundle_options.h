@@ -98,12 +98,10 @@ struct BundleOptions {
   bool gate = true;
   int gate_rounds = 3;
   double gate_confidence = 0.99;  // share of the right associations that passes
-  // Lines and structure may move the cameras from where points alone have them by so many of the
-  // latter's standard deviations (root mean square over the cameras' coordinates); where they move
-  // them farther, they contradict the points, and the cameras stay. 0: not tested. What agrees with
-  // the points moves them by one at most on average, because it only adds information (Hausman
-  // 1978); the margin is there because the standard deviations assume independent errors.
-  double max_camera_shift_sigmas = 2.0;
+  // How much lines and structure move the cameras is chosen: by factors on their weights, or not at
+  // all, whichever makes cameras that predict points best which the adjustment did not see
+  // (weight_choice.h).
+  bool choose_weights = true;
 
   bool refine_focal_length = true;
   bool refine_principal_point = false;

@@ -45,6 +45,12 @@ double RobustSigma(const Problem& problem, const std::string& term) {
   return kSigmaPerMedian * Median(std::move(values));
 }
 
+double StructureWeights::Of(const std::string& term) const {
+  if (term == "point") return 1.0;
+  if (term == "line") return lines;
+  return term == "structure_point" ? corners : groups;
+}
+
 AutoScales::AutoScales(const BundleOptions& options, const NoiseSigmas& known)
     : options_(options), sigmas_(known) {
   for (const auto& [term, sigma] : sigmas_) scales_[term] = GoalOf(term, sigma);
@@ -53,12 +59,10 @@ AutoScales::AutoScales(const BundleOptions& options, const NoiseSigmas& known)
 bool AutoScales::Begin(const Problem& problem) {
   bool fresh = false;
   terms_.clear();
-  angular_.clear();
-  structure_points_.clear();
+  batches_.clear();
   for (const auto& batch : problem.batches()) {
     const std::string& term = batch->term();
-    if (batch->angular) angular_.emplace_back(batch.get(), batch->weight);
-    if (term == "structure_point") structure_points_.emplace_back(batch.get(), batch->weight);
+    batches_.emplace_back(batch.get(), batch->weight);
     if (options_[FamilyOf(term)].loss != LossChoice::kAuto || term.ends_with("_3d") ||
         terms_.contains(term))
       continue;
@@ -83,6 +87,10 @@ bool AutoScales::Tighten(const Problem& problem) {
   return arrived;
 }
 
+bool AutoScales::Measures(const std::string& term) const {
+  return options_[FamilyOf(term)].loss == LossChoice::kAuto;
+}
+
 std::string AutoScales::Text() const {
   std::string text;
   for (const std::string& term : terms_) {
@@ -96,9 +104,24 @@ void AutoScales::Apply(const Problem& problem) const {
     if (terms_.contains(batch->term()))
       batch->loss = {LossType::kCauchy, scales_.at(batch->term())};
   }
-  for (const auto& [batch, weight] : angular_) batch->weight = AngularFactor() * weight;
-  for (const auto& [batch, weight] : structure_points_)
-    batch->weight = StructurePointFactor() * weight;
+  for (const auto& [batch, weight] : batches_) batch->weight = FactorOf(*batch) * weight;
+}
+
+void AutoScales::Leave() {
+  terms_.clear();
+  batches_.clear();
+}
+
+double AutoScales::FactorOf(const ResidualBatch& batch) const {
+  double factor = factors_.Of(batch.term());
+  if (batch.angular) factor *= AngularFactor();
+  if (batch.term() == "structure_point") factor *= StructurePointFactor();
+  return factor;
+}
+
+void AutoScales::Weigh(const StructureWeights& factors) {
+  factors_ = factors;
+  for (const auto& [batch, weight] : batches_) batch->weight = FactorOf(*batch) * weight;
 }
 
 double AutoScales::AngularFactor() const {

@@ -20,6 +20,16 @@ Loss ToLoss(const TermSettings& settings);
 // not count); of lines: of the distances of single end points. 0 without residuals.
 double RobustSigma(const Problem& problem, const std::string& term);
 
+// Factors on the weights of the terms that structure brings, by what they are observations of.
+struct StructureWeights {
+  double lines = 1.0;
+  double corners = 1.0;  // points that were made from structure
+  double groups = 1.0;   // members, relations and measurements of groups, incidences
+
+  double Of(const std::string& term) const;
+  bool operator==(const StructureWeights&) const = default;
+};
+
 // Robust standard deviation of the residuals of a term, by its name, in its unit.
 using NoiseSigmas = std::map<std::string, double>;
 
@@ -36,7 +46,13 @@ class AutoScales {
   bool Begin(const Problem& problem);
   // Halves the scales towards their goals. True: they had arrived.
   bool Tighten(const Problem& problem);
+  // From now on, and of the problem at hand.
+  void Weigh(const StructureWeights& factors);
+  // The problem at hand goes away.
+  void Leave();
 
+  // Whether the loss of a term follows its noise.
+  bool Measures(const std::string& term) const;
   const std::map<std::string, double>& scales() const { return scales_; }
   const std::map<std::string, double>& sigmas() const { return sigmas_; }
   std::string Text() const;
@@ -49,13 +65,14 @@ class AutoScales {
 
  private:
   void Apply(const Problem& problem) const;
+  double FactorOf(const ResidualBatch& batch) const;
   double Goal(const Problem& problem, const std::string& term);
   double GoalOf(const std::string& term, double sigma) const;
 
   const BundleOptions& options_;
-  std::set<std::string> terms_;                             // of the problem at hand
-  std::vector<std::pair<ResidualBatch*, double>> angular_;  // of it, with their weights as given
-  std::vector<std::pair<ResidualBatch*, double>> structure_points_;
+  std::set<std::string> terms_;  // of the problem at hand
+  std::vector<std::pair<ResidualBatch*, double>> batches_;  // of it, with their weights as given
+  StructureWeights factors_;
   std::map<std::string, double> scales_;
   std::map<std::string, double> sigmas_;
 };

@@ -112,7 +112,7 @@ std::optional<ModelUncertainty> EstimateUncertainty(
   ModelUncertainty result;
   BundleSelection selection = BundleSelection::Everything(model, options);
   selection.HoldUncertainIntrinsics(model, options);
-  if (summary.cameras_held) {
+  if (summary.weight_choice.weights.points_alone) {
     // What contradicts the points does not make the cameras surer.
     BundleOptions points_only = options;
     points_only.config = BundleConfig::kPoint;

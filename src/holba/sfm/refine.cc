@@ -100,13 +100,16 @@ class Refiner {
     SolverOptions solver = options_.solver;
     if (!is_last) solver.function_tolerance = std::max(solver.function_tolerance, kRoundTolerance);
     const Reliability& reliability = report_.reliability;
+    // Structure that is tested again is not worth choosing for.
+    BundleOptions bundle = bundle_;
+    bundle.choose_weights &= is_last;
     // What a single image sees is in neither stage and follows the cameras of this one.
     const Followers followers(model_, PointsSeenOnce(model_), LinesSeenOnce(model_));
     // Groups with too little active support would be free to go anywhere.
     const BundleSelection part = BundleSelection::OfFeatures(
         model_, bundle_, [&](point3D_t id) { return !reliability.unreliable_points.contains(id); },
         [&](line3D_t id) { return !reliability.unreliable_lines.contains(id); }, kMinSupport);
-    report_.stage1 = AdjustBundle(bundle_, solver, part, &model_, {}, log_, known_sigmas_);
+    report_.stage1 = AdjustBundle(bundle, solver, part, &model_, {}, log_, known_sigmas_);
     followers.Place(&model_);
     known_sigmas_ = report_.stage1.auto_sigmas;
     Reject(report_.stage1.filter);

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/bundle/weight_choice.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <unordered_set>
+#include <utility>
+
+#include "holba/bundle/bundle_problem.h"
+
+namespace holba {
+namespace {
+
+// Fewer tracks left out say nothing, and an image with fewer verified points needs the others:
+// COLMAP's least number of observations that hold an image.
+constexpr size_t kMinTracks = 30;
+constexpr size_t kMinVerified = 30;
+// Weights differ by factors of four: standard deviations by two.
+constexpr double kStep = 4.0;
+// Steps of an adjustment of a fold. The first of a fold has to forget what is left out; the others
+// start near the optimum of other weights, and after three steps their order is that of the optima.
+constexpr int kFirstIterations = 8;
+constexpr int kNextIterations = 3;
+
+// One choice: the folds, and what each trial's cameras predict.
+class Chooser {
+ public:
+  Chooser(const FoldAdjustment& adjustment, Reconstruction* model)
+      : adjustment_(adjustment),
+        model_(*model),
+        selection_(adjustment.selection),
+        base_(Build(adjustment.options, selection_)),
+        held_out_(*model, selection_) {}
+
+  WeightChoice Choose() {
+    if (held_out_.num_judged() < kMinTracks) return {};
+    choice_.num_tracks = held_out_.num_judged();
+    ChoosePairs();
+    TryDiagonal();
+    if (!best_.weights.points_alone) TryFamilies();
+    if (stopped_) return {};
+    choice_.weights = best_.weights;
+    return std::move(choice_);
+  }
+
+ private:
+  using Costs = std::vector<double>;
+
+  BundleProblem Build(const BundleOptions& options, const BundleSelection& selection) const {
+    return BuildProblem(model_, options, selection, adjustment_.measurements,
+                        &adjustment_.filter);
+  }
+
+  // Of points alone.
+  Costs CostsOfPoints(const BundleSelection& selection) {
+    BundleOptions points_only = adjustment_.options;
+    points_only.config = BundleConfig::kPoint;
+    Costs costs;
+    for (size_t fold = 0; fold < HeldOutPoints::kNumFolds; ++fold) {
+      BundleProblem bundle = Build(
+          points_only, WithoutPointsOfStructure(model_, held_out_.Without(fold, selection)));
+      adjustment_.scales->Begin(bundle.problem);
+      Judge(fold, kFirstIterations, &bundle, &costs);
+      Finish();
+    }
+    return costs;
+  }
+
+  // Of some weights, each trial of a fold begun where the one before ended.
+  std::vector<Costs> CostsOf(const std::vector<StructureWeights>& trials) {
+    std::vector<Costs> costs(trials.size());
+    for (size_t fold = 0; fold < HeldOutPoints::kNumFolds; ++fold) {
+      BundleProblem bundle = Build(adjustment_.options, held_out_.Without(fold, selection_));
+      adjustment_.scales->Begin(bundle.problem);
+      for (size_t i = 0; i < trials.size(); ++i) {
+        adjustment_.scales->Weigh(trials[i]);
+        Judge(fold, i == 0 ? kFirstIterations : kNextIterations, &bundle, &costs[i]);
+      }
+      adjustment_.scales->Weigh({});
+      Finish();
+    }
+    return costs;
+  }
+
+  void Judge(size_t fold, int num_iterations, BundleProblem* bundle, Costs* costs) {
+    if (!stopped_) stopped_ = !adjustment_.solve(num_iterations, &bundle->problem);
+    if (stopped_) return;
+    WriteBack(*bundle, &model_);
+    const Costs found = held_out_.PredictionCosts(fold, model_, adjustment_.point_scale_px,
+                                                  adjustment_.num_threads);
+    costs->insert(costs->end(), found.begin(), found.end());
+  }
+
+  void Finish() {
+    adjustment_.scales->Leave();
+    WriteBack(base_, &model_);
+  }
+
+  // Points alone, with the unverified ones and without.
+  void ChoosePairs() {
+    of_points_ = CostsOfPoints(selection_);
+    const std::vector<point3D_t> unverified = UnverifiedPoints(model_, selection_);
+    if (!unverified.empty() && !stopped_) {
+      BundleSelection verified = WithoutPoints(selection_, unverified);
+      Costs without = CostsOfPoints(verified);
+      if (stopped_) return;
+      choice_.pairs_from_verified = MeanDifference(of_points_, without);
+      if (choice_.pairs_from_verified.mean > 0.0) {
+        choice_.without_unverified = true;
+        selection_ = std::move(verified);
+        of_points_ = std::move(without);
+      }
+    }
+    Take({{.points_alone = true}, {}});
+  }
+
+  // All structure weighed alike: more or less while that is better.
+  void TryDiagonal() {
+    const auto all = [](double s) { return StructureWeights{s, s, s}; };
+    Try({all(1.0), all(kStep), all(1.0 / kStep)});
+    if (best_.weights.points_alone) return;
+    for (const double factor : {kStep, 1.0 / kStep}) {
+      if (best_.weights.structure == all(factor)) Try({all(factor * factor)});
+    }
+  }
+
+  // Each family of terms by itself, from the best so far.
+  void TryFamilies() {
+    const StructureWeights best = best_.weights.structure;
+    std::vector<StructureWeights> trials;
+    for (double StructureWeights::*family :
+         {&StructureWeights::lines, &StructureWeights::corners, &StructureWeights::groups}) {
+      for (const double factor : {kStep, 1.0 / kStep}) {
+        StructureWeights& trial = trials.emplace_back(best);
+        trial.*family *= factor;
+      }
+    }
+    Try(trials);
+  }
+
+  void Try(const std::vector<StructureWeights>& trials) {
+    const std::vector<Costs> costs = CostsOf(trials);
+    if (stopped_) return;
+    for (size_t i = 0; i < trials.size(); ++i)
+      Take({{.structure = trials[i]}, MeanDifference(costs[i], of_points_)});
+  }
+
+  void Take(const WeightTrial& trial) {
+    choice_.trials.push_back(trial);
+    if (choice_.trials.size() == 1 || trial.from_points.mean < best_.from_points.mean)
+      best_ = trial;
+  }
+
+  const FoldAdjustment& adjustment_;
+  Reconstruction& model_;
+  BundleSelection selection_;
+  const BundleProblem base_;
+  const HeldOutPoints held_out_;
+  Costs of_points_;
+  WeightTrial best_;
+  WeightChoice choice_;
+  bool stopped_ = false;
+};
+
+}  // namespace
+
+std::string CameraWeights::Text() const {
+  if (points_alone) return "points alone";
+  return fmt::format("lines x {:g}, corners x {:g}, groups x {:g}", structure.lines,
+                     structure.corners, structure.groups);
+}
+
+std::vector<point3D_t> UnverifiedPoints(const Reconstruction& model,
+                                        const BundleSelection& selection) {
+  FlatIndex image_idx;
+  for (const auto& [id, image] : ImagesOf(model, selection)) image_idx.Add(id);
+  std::vector<size_t> num_verified(image_idx.size());
+  const auto for_each_image = [&](const Point3D& point, const auto& visit) {
+    for (const PointObservation& o : point.track) {
+      const uint32_t idx = image_idx.Find(o.image_id);
+      if (idx != FlatIndex::kNone) visit(idx);
+    }
+  };
+  const auto is_verified = [&](const Selected<point3D_t>& selected, const Point3D& point) {
+    return selected.constant || IsOfStructure(point.origin) ||
+           NumImages(point.track, image_idx) >= HeldOutPoints::kMinImages;
+  };
+  for (const auto& selected : selection.points) {
+    const Point3D& point = model.points3D.at(selected.id);
+    if (is_verified(selected, point))
+      for_each_image(point, [&](uint32_t idx) { ++num_verified[idx]; });
+  }
+  std::vector<point3D_t> unverified;
+  for (const auto& selected : selection.points) {
+    const Point3D& point = model.points3D.at(selected.id);
+    if (is_verified(selected, point)) continue;
+    bool is_needed = false;
+    for_each_image(point, [&](uint32_t idx) { is_needed |= num_verified[idx] < kMinVerified; });
+    if (!is_needed) unverified.push_back(selected.id);
+  }
+  return unverified;
+}
+
+WeightChoice ChooseWeights(const FoldAdjustment& adjustment, Reconstruction* model) {
+  return Chooser(adjustment, model).Choose();
+}
+
+}  // namespace holba
