@@ -33,6 +33,51 @@ json TermsToJson(std::span<const TermCost> terms) {
   return object;
 }
 
+namespace {
+
+// Null: nothing was chosen.
+json ChoiceToJson(const WeightChoice& choice) {
+  const auto weights = [](const CameraWeights& w) {
+    return json{{"points_alone", w.points_alone},
+                {"lines", w.points_alone ? 0.0 : w.structure.lines},
+                {"corners", w.points_alone ? 0.0 : w.structure.corners},
+                {"groups", w.points_alone ? 0.0 : w.structure.groups}};
+  };
+  if (choice.trials.empty()) return nullptr;
+  json trials = json::array();
+  for (const WeightTrial& trial : choice.trials) {
+    json entry = weights(trial.weights);
+    entry["cost_from_points"] = trial.from_points.mean;
+    entry["standard_error"] = trial.from_points.standard_error;
+    trials.push_back(std::move(entry));
+  }
+  json result = weights(choice.weights);
+  result["tracks_left_out"] = choice.num_tracks;
+  result["without_points_of_two_images"] = choice.without_unverified;
+  result["trials"] = std::move(trials);
+  return result;
+}
+
+std::string ChoiceToText(const WeightChoice& choice) {
+  if (choice.trials.empty()) return "";
+  const auto chosen = std::find_if(choice.trials.begin(), choice.trials.end(), [&](const auto& t) {
+    return t.weights == choice.weights;
+  });
+  std::string text = fmt::format("cameras moved by {}", choice.weights.Text());
+  if (!choice.weights.points_alone) {
+    text += fmt::format(": {} tracks that were left out cost {:+.4f} +- {:.4f} each against points alone",
+                        choice.num_tracks, chosen->from_points.mean,
+                        chosen->from_points.standard_error);
+  } else {
+    text += fmt::format(": {} tracks that were left out cost more with lines and structure",
+                        choice.num_tracks);
+  }
+  if (choice.without_unverified) text += "; not by points that only two images see";
+  return text + '\n';
+}
+
+}  // namespace
+
 json SummaryToJson(const BundleSummary& summary) {
   const SolverSummary& s = summary.solver;
   json terms = json::object();
@@ -71,6 +116,7 @@ json SummaryToJson(const BundleSummary& summary) {
           {"terms", terms},
           {"associations", associations},
           {"groups_dropped", summary.groups_dropped},
+          {"camera_weights", ChoiceToJson(summary.weight_choice)},
           {"points_seen_once", summary.points_seen_once},
           {"lines_seen_once", summary.lines_seen_once},
           {"cameras_with_held_intrinsics", held_intrinsics},
@@ -120,6 +166,7 @@ std::string SummaryToText(const BundleSummary& summary) {
     text += fmt::format("left out {} of {} {}\n", count.rejected, count.tested, kind);
   }
   if (summary.groups_dropped) text += fmt::format("left out {} groups\n", summary.groups_dropped);
+  text += ChoiceToText(summary.weight_choice);
   const bool has_angular = std::any_of(s.final_terms.begin(), s.final_terms.end(),
                                        [](const TermCost& t) { return t.angular; });
   if (has_angular && summary.angular_weight_factor != 1.0) {

@@ -21,21 +21,31 @@ BundleSummary SummaryOf(bool angular_term) {
   return summary;
 }
 
-TEST(Report, SaysNothingOfCamerasThatWereNotTested) {
+TEST(Report, SaysNothingOfWeightsThatWereNotChosen) {
   const BundleSummary summary = SummaryOf(false);
-  EXPECT_TRUE(SummaryToJson(summary).at("camera_shift_sigmas").is_null());
-  EXPECT_THAT(SummaryToText(summary), Not(HasSubstr("cameras")));
+  EXPECT_TRUE(SummaryToJson(summary).at("camera_weights").is_null());
+  EXPECT_THAT(SummaryToText(summary), Not(HasSubstr("cameras moved by")));
 }
 
-TEST(Report, TellsCamerasThatMovedFromCamerasThatWereHeld) {
+TEST(Report, TellsWhatMovedTheCamerasAndOnWhatEvidence) {
   BundleSummary summary = SummaryOf(false);
-  summary.camera_shift_sigmas = 1.5;
-  EXPECT_EQ(SummaryToJson(summary).at("camera_shift_sigmas"), 1.5);
-  EXPECT_EQ(SummaryToJson(summary).at("cameras_held"), false);
-  EXPECT_THAT(SummaryToText(summary), HasSubstr("cameras moved by 1.50 "));
-  summary.cameras_held = true;
-  EXPECT_EQ(SummaryToJson(summary).at("cameras_held"), true);
-  EXPECT_THAT(SummaryToText(summary), HasSubstr("cameras held: "));
+  WeightChoice& choice = summary.weight_choice;
+  choice.num_tracks = 321;
+  choice.trials = {{{.points_alone = true}, {}}, {{.structure = {4.0, 1.0, 0.25}}, {-0.02, 0.003}}};
+  choice.weights = choice.trials[1].weights;
+  const auto json = SummaryToJson(summary).at("camera_weights");
+  EXPECT_EQ(json.at("lines"), 4.0);
+  EXPECT_EQ(json.at("groups"), 0.25);
+  EXPECT_EQ(json.at("tracks_left_out"), 321);
+  EXPECT_EQ(json.at("trials").at(1).at("cost_from_points"), -0.02);
+  EXPECT_THAT(SummaryToText(summary),
+              HasSubstr("cameras moved by lines x 4, corners x 1, groups x 0.25: 321 tracks that were "
+                        "left out cost -0.0200 +- 0.0030 each against points alone"));
+  choice.weights = choice.trials[0].weights;
+  choice.without_unverified = true;
+  EXPECT_EQ(SummaryToJson(summary).at("camera_weights").at("points_alone"), true);
+  EXPECT_THAT(SummaryToText(summary), HasSubstr("cameras moved by points alone: "));
+  EXPECT_THAT(SummaryToText(summary), HasSubstr("points that only two images see"));
 }
 
 TEST(Report, TellsTheFactorOfAngularTermsWhereThereAreAny) {

@@ -28,7 +28,7 @@ WEIGHTS = {
     "paper": [],
     "strong": ["--Bundle.group_weight", "5", "--Bundle.wireframe_weight", "1"],
 }
-GATES = {"on": [], "off": ["--Bundle.gate", "0", "--Bundle.max_camera_shift_sigmas", "0"]}
+GATES = {"on": [], "off": ["--Bundle.gate", "0", "--Bundle.choose_weights", "0"]}
 KNOWN_INTRINSICS = ["--Bundle.refine_focal_length", "0", "--Bundle.refine_extra_params", "0"]
 # Errors agree to this share by convergence alone.
 TIE = 1e-3

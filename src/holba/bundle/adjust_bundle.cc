@@ -161,7 +161,7 @@ class Adjuster {
   // given.
   BundleProblem AdjustAll() {
     const WeightChoice& choice = summary_.weight_choice;
-    if (!choice.weights.IsAsGiven() || choice.without_unverified) {
+    if (!choice.IsAsGiven()) {
       AdjustCameras(choice);
       selection_.HoldCameras();
     }
@@ -172,16 +172,10 @@ class Adjuster {
 
   void AdjustCameras(const WeightChoice& choice) {
     if (stopped_) return;
-    BundleSelection seen = choice.without_unverified
-                               ? WithoutPoints(selection_, UnverifiedPoints(model_, selection_))
-                               : selection_;
     BundleOptions options = options_;
-    if (choice.weights.points_alone) {
-      options.config = BundleConfig::kPoint;
-      seen = WithoutPointsOfStructure(model_, std::move(seen));
-    }
-    BundleProblem bundle =
-        BuildProblem(model_, options, seen, measurements_, &summary_.filter);
+    if (choice.weights.points_alone) options.config = BundleConfig::kPoint;
+    BundleProblem bundle = BuildProblem(model_, options, SelectionOfCameras(model_, choice, selection_),
+                                        measurements_, &summary_.filter);
     scales_.Begin(bundle.problem);
     scales_.Weigh(choice.weights.structure);
     Solve(solver_options_, &bundle.problem);
@@ -216,13 +210,12 @@ class Adjuster {
   }
 
   void LogChoice() const {
-    if (!log_) return;
-    const WeightChoice& choice = summary_.weight_choice;
-    for (const WeightTrial& trial : choice.trials) {
+    if (!log_ || summary_.weight_choice.trials.empty()) return;
+    for (const WeightTrial& trial : summary_.weight_choice.trials) {
       log_(fmt::format("Points left out cost {:+.4f} +- {:.4f} with {}", trial.from_points.mean,
                        trial.from_points.standard_error, trial.weights.Text()));
     }
-    log_(fmt::format("{} tracks left out choose: {}; points of two images {} ({:+.4f} +- {:.4f})", choice.num_tracks, choice.weights.Text(), choice.without_unverified ? "left out" : "count", choice.pairs_from_verified.mean, choice.pairs_from_verified.standard_error));
+    log_(fmt::format("Cameras are moved by {}", summary_.weight_choice.weights.Text()));
   }
 
   SolverOptions Short() const {

@@ -255,47 +255,6 @@ TEST(RefitOthers, EstimatesWhatTheConfigurationLeavesOut) {
   EXPECT_LT(Rms(terms.at("line")), 3.0);
 }
 
-// How sure points are of the cameras decides what lines and structure may do to them.
-TEST(CameraShift, OfRightLinesAndStructureIsWithinTheUncertaintyOfPoints) {
-  for (const BundleConfig config : {BundleConfig::kPointLine, BundleConfig::kHolistic}) {
-    SyntheticProblem scene = MakeBundleProblem({.num_images = 20, .vps = true});
-    BundleOptions options;
-    options.config = config;
-    const BundleSummary summary = AdjustBundle(options, {}, &scene.perturbed);
-    ASSERT_TRUE(summary.camera_shift_sigmas);
-    EXPECT_GT(*summary.camera_shift_sigmas, 0.05);
-    EXPECT_LT(*summary.camera_shift_sigmas, 1.5);
-    EXPECT_FALSE(summary.cameras_held);
-  }
-}
-
-TEST(CameraShift, OfLinesThatContradictThePointsLeavesTheCamerasToThePoints) {
-  SyntheticProblem scene =
-      MakeBundleProblem({.num_images = 20, .observation_noise_px = 0.2, .vps = true});
-  // Every image's segments are off by 10 px, each image's in another direction.
-  for (auto& [id, image] : scene.perturbed.images) {
-    const Eigen::Vector2d shift = 10.0 * Eigen::Vector2d(std::cos(2.4 * id), std::sin(2.4 * id));
-    for (auto& line : image.lines2D) {
-      line.segment.start += shift;
-      line.segment.end += shift;
-    }
-  }
-  const auto error = [&](BundleConfig config, double max_shift_sigmas, bool held) {
-    Reconstruction model = scene.perturbed;
-    BundleOptions options;
-    options.config = config;
-    options.max_camera_shift_sigmas = max_shift_sigmas;
-    EXPECT_EQ(AdjustBundle(options, {}, &model).cameras_held, held);
-    EXPECT_EQ(model.FindInconsistency(), std::nullopt);
-    return Errors(model, scene.truth).rotation_deg->rms;
-  };
-  const double by_points = error(BundleConfig::kPoint, 2.5, false);
-  for (const BundleConfig config : {BundleConfig::kPointLine, BundleConfig::kHolistic}) {
-    EXPECT_NEAR(error(config, 2.5, true), by_points, 0.05 * by_points);
-    EXPECT_GT(error(config, 0.0, false), 1.5 * by_points);
-  }
-}
-
 TEST(Weights, OfAnglesFollowTheMeasuredNoise) {
   for (const double noise_px : {0.3, 1.0}) {
     Reconstruction model =
@@ -395,7 +354,6 @@ TEST(StructurePoints, AreWeighedByTheirOwnNoise) {
   EXPECT_NEAR(summary.auto_sigmas.at("structure_point"), 4.1 * summary.auto_sigmas.at("point"),
               0.8 * summary.auto_sigmas.at("point"));
   EXPECT_NEAR(summary.structure_point_weight_factor, 1.0 / (4.1 * 4.1), 0.03);
-  EXPECT_TRUE(summary.camera_shift_sigmas.has_value());
 
   for (auto& [id, point] : unaware.points3D) point.origin = PointOrigin::kDetected;
   const BundleSummary plain = AdjustBundle(options, {}, &unaware);

@@ -118,7 +118,7 @@ inline std::map<std::string, TermCost> TermsByName(const std::vector<TermCost>& 
 inline BundleOptions PlainOptions(LossChoice loss = LossChoice::kTrivial) {
   BundleOptions options;
   options.gate = false;
-  options.max_camera_shift_sigmas = 0.0;
+  options.choose_weights = false;
   options.refit_others = false;
   for (TermSettings& settings : options.terms) settings.loss = loss;
   return options;

@@ -19,22 +19,24 @@
 namespace holba {
 namespace {
 
-// Steps of one point; from its place at nearly the same cameras it takes two or three.
-constexpr int kMaxIterations = 12;
+// Steps of one point; from its place at nearly the same cameras it takes two or three, more where
+// an observation is an outlier by half.
+constexpr int kMaxIterations = 50;
 constexpr int kMaxStepHalvings = 6;
 // Relative change of a point's cost below which it has arrived.
 constexpr double kTolerance = 1e-9;
 // An observation of a point behind the camera costs as much as one that misses by so many scales.
 constexpr double kAbsentScales = 1e3;
 
-// 32 regions, six or seven in a fold: large beside the distances over which errors are alike, and
+// 32 regions, eight in a fold: large beside the distances over which errors are alike, and
 // enough that each fold leaves out a bit of everything.
 constexpr int kHalvings = 5;
 
-// A point and whether it is compared.
+// A point, or the middle of a line.
 struct Located {
   Eigen::Vector3d xyz;
-  point3D_t id;
+  uint64_t id;
+  bool is_line;
   bool is_judged;
 };
 
@@ -52,7 +54,8 @@ void ForEachRegion(std::span<Located> points, int levels, const Visitor& visit) 
   const size_t half = points.size() / 2;
   std::nth_element(points.begin(), points.begin() + half, points.end(),
                    [&](const Located& a, const Located& b) {
-                     return std::tuple(a.xyz[axis], a.id) < std::tuple(b.xyz[axis], b.id);
+                     return std::tuple(a.xyz[axis], a.is_line, a.id) <
+                            std::tuple(b.xyz[axis], b.is_line, b.id);
                    });
   ForEachRegion(points.subspan(0, half), levels - 1, visit);
   ForEachRegion(points.subspan(half), levels - 1, visit);
@@ -149,27 +152,28 @@ HeldOutPoints::HeldOutPoints(const Reconstruction& model, const BundleSelection&
     if (selected.constant) continue;
     const Point3D& point = model.points3D.at(selected.id);
     located.push_back(
-        {point.xyz, selected.id,
+        {point.xyz, selected.id, false,
          !IsOfStructure(point.origin) && NumImages(point.track, image_idx) >= kMinImages});
+  }
+  for (const auto& selected : selection.lines) {
+    if (selected.constant) continue;
+    const Line3D& line = model.lines3D.at(selected.id);
+    located.push_back({0.5 * (line.start + line.end), selected.id, true, false});
   }
   size_t region = 0;
   ForEachRegion(std::span(located), kHalvings, [&](std::span<const Located> points) {
     Fold& fold = folds_[region++ % kNumFolds];
-    for (const Located& point : points) {
-      fold.left_out.push_back(point.id);
-      if (point.is_judged) fold.judged.push_back(point.id);
+    for (const Located& located : points) {
+      (located.is_line ? fold.lines : fold.points).push_back(located.id);
+      if (located.is_judged) fold.judged.push_back(located.id);
     }
   });
 }
 
-size_t HeldOutPoints::num_judged() const {
-  size_t size = 0;
-  for (const Fold& fold : folds_) size += fold.judged.size();
-  return size;
-}
-
 BundleSelection HeldOutPoints::Without(size_t fold, BundleSelection selection) const {
-  return WithoutPoints(std::move(selection), folds_[fold].left_out);
+  const std::unordered_set<line3D_t> out(folds_[fold].lines.begin(), folds_[fold].lines.end());
+  std::erase_if(selection.lines, [&](const auto& line) { return out.contains(line.id); });
+  return WithoutPoints(std::move(selection), folds_[fold].points);
 }
 
 std::vector<double> HeldOutPoints::PredictionCosts(size_t fold, const Reconstruction& model,

@@ -11,19 +11,19 @@
 
 namespace holba {
 
-// The variable points of a selection in folds, each of which is left out once. A fold is a number of
+// The variable points and lines of a selection in folds, each of which is left out once. A fold is a number of
 // regions in space: what is left out must not stand beside what stays in, for neighbours err alike
 // (several keypoints at one corner, a shadow, a corner that two lines at different depths make). The
 // tracks that are judged were not made from structure, and three images of the selection see them at
 // least: two images fit a point of their own to nearly any cameras.
 class HeldOutPoints {
  public:
-  static constexpr size_t kNumFolds = 5;
+  static constexpr size_t kNumFolds = 4;  // a quarter is left out
   static constexpr size_t kMinImages = 3;
 
   HeldOutPoints(const Reconstruction& model, const BundleSelection& selection);
 
-  size_t num_judged() const;  // in all folds
+  size_t NumJudged(size_t fold) const { return folds_[fold].judged.size(); }
   // The selection as the adjustment of a fold sees it.
   BundleSelection Without(size_t fold, BundleSelection selection) const;
   // Of each track of a fold at the cameras of a model: the Cauchy cost of its observations by the
@@ -34,7 +34,8 @@ class HeldOutPoints {
 
  private:
   struct Fold {
-    std::vector<point3D_t> left_out, judged;
+    std::vector<point3D_t> points, judged;
+    std::vector<line3D_t> lines;
   };
   std::vector<Fold> folds_;
 };

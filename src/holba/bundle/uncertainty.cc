@@ -46,7 +46,7 @@ Matrix6d WorldPoseByLocal(const Sim3d& world_from_local, const Rigid3d& cam_from
 // model is in its local frame, the results are in the world.
 bool AddCovariances(const Reconstruction& model, const Sim3d& world_from_local,
                     const BundleOptions& options, const BundleSelection& selection,
-                    const BundleSummary& summary, std::span<const GroupMeasurement> measurements,
+                    const BundleSummary& summary, const StructureWeights& weights, std::span<const GroupMeasurement> measurements,
                     int num_threads, ModelUncertainty* result) {
   const BundleProblem bundle =
       BuildProblem(model, options, selection, measurements, &summary.filter);
@@ -54,6 +54,7 @@ bool AddCovariances(const Reconstruction& model, const Sim3d& world_from_local,
   for (const auto& batch : problem.batches()) {
     const auto scale = summary.auto_scales.find(batch->term());
     if (scale != summary.auto_scales.end()) batch->loss = {LossType::kCauchy, scale->second};
+    batch->weight *= weights.Of(batch->term());
     if (batch->angular) batch->weight *= summary.angular_weight_factor;
     if (batch->term() == "structure_point") batch->weight *= summary.structure_point_weight_factor;
   }
@@ -112,17 +113,21 @@ std::optional<ModelUncertainty> EstimateUncertainty(
   ModelUncertainty result;
   BundleSelection selection = BundleSelection::Everything(model, options);
   selection.HoldUncertainIntrinsics(model, options);
-  if (summary.weight_choice.weights.points_alone) {
-    // What contradicts the points does not make the cameras surer.
-    BundleOptions points_only = options;
-    points_only.config = BundleConfig::kPoint;
-    if (!AddCovariances(model, world_from_local, points_only,
-                        WithoutPointsOfStructure(model, selection), summary, {}, num_threads,
-                        &result))
+  const WeightChoice& choice = summary.weight_choice;
+  if (!choice.IsAsGiven()) {
+    // First what moved the cameras, with the weights that it had.
+    BundleOptions of_cameras = options;
+    BundleSelection seen = SelectionOfCameras(model, choice, selection);
+    if (choice.weights.points_alone) of_cameras.config = BundleConfig::kPoint;
+    if (!AddCovariances(model, world_from_local, of_cameras, seen, summary,
+                        choice.weights.structure,
+                        choice.weights.points_alone ? std::span<const GroupMeasurement>()
+                                                    : measurements,
+                        num_threads, &result))
       return std::nullopt;
     selection.HoldCameras();
   }
-  if (!AddCovariances(model, world_from_local, options, selection, summary, measurements,
+  if (!AddCovariances(model, world_from_local, options, selection, summary, {}, measurements,
                       num_threads, &result))
     return std::nullopt;
   return result;

@@ -12,9 +12,9 @@ namespace holba {
 
 // (J^T J)^-1 of the adjustment that `options` and `summary` describe (its losses at their measured
 // scales, without the associations that were left out), times the variance of one observed
-// coordinate of a point, measured robustly. Where the cameras were held because structure
-// contradicts the points, poses and points are as sure as points alone make them, and all else is
-// as sure as it is given the cameras. Elements that nothing determines have no entry. Empty: the
+// coordinate of a point, measured robustly. Where the weights of what moves the cameras were chosen
+// (weight_choice.h), poses and what moved them are as sure as these weights make them, and all else
+// is as sure as it is given the cameras. Elements that nothing determines have no entry. Empty: the
 // system is singular.
 std::optional<ModelUncertainty> EstimateUncertainty(
     const Reconstruction& model, const BundleOptions& options, const BundleSummary& summary,

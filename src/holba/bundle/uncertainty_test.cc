@@ -82,10 +82,10 @@ TEST(Uncertainty, GroupsHaveTheCovarianceOfTheirFileParameters) {
   EXPECT_EQ(planes, a.scene.truth.groups3D.size() - 3);
 }
 
-TEST(Uncertainty, StructureThatContradictsThePointsMakesCamerasNoSurer) {
+TEST(Uncertainty, StructureThatDoesNotMoveCamerasMakesThemNoSurer) {
   const Adjusted points = AdjustScene(BundleConfig::kPoint, false);
   Adjusted a = AdjustScene(BundleConfig::kHolistic, false);
-  a.summary.cameras_held = true;
+  a.summary.weight_choice.weights.points_alone = true;
   const ModelUncertainty held = *EstimateUncertainty(a.scene.perturbed, a.options, a.summary, 2);
   EXPECT_EQ(held.lines.size(), a.scene.truth.lines3D.size());
   EXPECT_EQ(held.groups.size(), a.uncertainty.groups.size());

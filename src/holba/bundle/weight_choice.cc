@@ -17,6 +17,9 @@ namespace {
 // COLMAP's least number of observations that hold an image.
 constexpr size_t kMinTracks = 30;
 constexpr size_t kMinVerified = 30;
+// Costs of single tracks differ by a tenth or so between two cameras; the mean of so many is known
+// to a thousandth or two, which is what weights differ by. Large models are done with a fold.
+constexpr size_t kEnoughTracks = 4000;
 // Weights differ by factors of four: standard deviations by two.
 constexpr double kStep = 4.0;
 // Steps of an adjustment of a fold. The first of a fold has to forget what is left out; the others
@@ -24,19 +27,82 @@ constexpr double kStep = 4.0;
 constexpr int kFirstIterations = 8;
 constexpr int kNextIterations = 3;
 
+// A model with more frames is judged by a part of it: weights are about the noise of observations,
+// which is the same in all of it, and the choice then costs what the part does.
+constexpr size_t kMaxFrames = 60;
+// Members that a group needs in the part.
+constexpr size_t kMinMembers = 3;
+
+// kMaxFrames images that share many points: each shares the most with those before it.
+std::vector<image_t> ImagesOfPart(const Reconstruction& model, const BundleSelection& selection) {
+  const auto images = ImagesOf(model, selection);
+  FlatIndex image_idx(images.size());
+  for (const auto& [id, image] : images) image_idx.Add(id);
+  std::vector<size_t> num_shared(images.size());
+  std::vector<bool> is_in(images.size());
+  std::vector<image_t> part;
+  size_t next = 0;
+  for (size_t i = 0; i < images.size(); ++i) {
+    const auto count = [&](size_t k) { return images[k].second->points2D.size(); };
+    if (count(i) > count(next)) next = i;
+  }
+  while (part.size() < kMaxFrames) {
+    is_in[next] = true;
+    part.push_back(images[next].first);
+    for (const Point2D& point2D : images[next].second->points2D) {
+      const Point3D* point = model.points3D.Find(point2D.point3D_id);
+      if (point == nullptr) continue;
+      for (const PointObservation& o : point->track) {
+        const uint32_t idx = image_idx.Find(o.image_id);
+        if (idx != FlatIndex::kNone) ++num_shared[idx];
+      }
+    }
+    size_t best = images.size();
+    for (size_t i = 0; i < images.size(); ++i) {
+      if (!is_in[i] && num_shared[i] > 0 && (best == images.size() || num_shared[i] > num_shared[best]))
+        best = i;
+    }
+    if (best == images.size()) break;
+    next = best;
+  }
+  return part;
+}
+
+BundleSelection PartToJudgeBy(const Reconstruction& model, const BundleOptions& options,
+                              const BundleSelection& selection) {
+  if (selection.frames.size() <= kMaxFrames) return selection;
+  BundleSelection part = BundleSelection::Around(model, options, ImagesOfPart(model, selection),
+                                                 {.surroundings = false});
+  FlatIndex point_idx(selection.points.size()), line_idx(selection.lines.size());
+  for (const auto& point : selection.points) point_idx.Add(point.id);
+  for (const auto& line : selection.lines) line_idx.Add(line.id);
+  std::erase_if(part.points, [&](const auto& point) { return !point_idx.contains(point.id); });
+  std::erase_if(part.lines, [&](const auto& line) { return !line_idx.contains(line.id); });
+  std::erase_if(part.groups, [&](const SelectedGroup& group) {
+    return group.point3D_ids.size() + group.line3D_ids.size() < kMinMembers;
+  });
+  // Around holds those of which it has not all members, as the rest of the model stays. Here a held
+  // group would tell a fold of what it has not seen.
+  for (SelectedGroup& group : part.groups) group.constant = options.fix_groups;
+  part.SetGauges(ChooseGaugesOfParts(model, options, part));
+  return part;
+}
+
 // One choice: the folds, and what each trial's cameras predict.
 class Chooser {
  public:
   Chooser(const FoldAdjustment& adjustment, Reconstruction* model)
       : adjustment_(adjustment),
         model_(*model),
-        selection_(adjustment.selection),
+        selection_(PartToJudgeBy(*model, adjustment.options, adjustment.selection)),
         base_(Build(adjustment.options, selection_)),
-        held_out_(*model, selection_) {}
+        held_out_(*model, selection_) {
+    while (num_folds_ < HeldOutPoints::kNumFolds && choice_.num_tracks < kEnoughTracks)
+      choice_.num_tracks += held_out_.NumJudged(num_folds_++);
+  }
 
   WeightChoice Choose() {
-    if (held_out_.num_judged() < kMinTracks) return {};
-    choice_.num_tracks = held_out_.num_judged();
+    if (choice_.num_tracks < kMinTracks) return {};
     ChoosePairs();
     TryDiagonal();
     if (!best_.weights.points_alone) TryFamilies();
@@ -58,7 +124,7 @@ class Chooser {
     BundleOptions points_only = adjustment_.options;
     points_only.config = BundleConfig::kPoint;
     Costs costs;
-    for (size_t fold = 0; fold < HeldOutPoints::kNumFolds; ++fold) {
+    for (size_t fold = 0; fold < num_folds_; ++fold) {
       BundleProblem bundle = Build(
           points_only, WithoutPointsOfStructure(model_, held_out_.Without(fold, selection)));
       adjustment_.scales->Begin(bundle.problem);
@@ -71,7 +137,7 @@ class Chooser {
   // Of some weights, each trial of a fold begun where the one before ended.
   std::vector<Costs> CostsOf(const std::vector<StructureWeights>& trials) {
     std::vector<Costs> costs(trials.size());
-    for (size_t fold = 0; fold < HeldOutPoints::kNumFolds; ++fold) {
+    for (size_t fold = 0; fold < num_folds_; ++fold) {
       BundleProblem bundle = Build(adjustment_.options, held_out_.Without(fold, selection_));
       adjustment_.scales->Begin(bundle.problem);
       for (size_t i = 0; i < trials.size(); ++i) {
@@ -126,16 +192,13 @@ class Chooser {
     }
   }
 
-  // Each family of terms by itself, from the best so far.
+  // Lines by themselves, and what is made from them, from the best so far.
   void TryFamilies() {
     const StructureWeights best = best_.weights.structure;
     std::vector<StructureWeights> trials;
-    for (double StructureWeights::*family :
-         {&StructureWeights::lines, &StructureWeights::corners, &StructureWeights::groups}) {
-      for (const double factor : {kStep, 1.0 / kStep}) {
-        StructureWeights& trial = trials.emplace_back(best);
-        trial.*family *= factor;
-      }
+    for (const double factor : {kStep, 1.0 / kStep}) {
+      trials.push_back({factor * best.lines, best.corners, best.groups});
+      trials.push_back({best.lines, factor * best.corners, factor * best.groups});
     }
     Try(trials);
   }
@@ -158,6 +221,7 @@ class Chooser {
   BundleSelection selection_;
   const BundleProblem base_;
   const HeldOutPoints held_out_;
+  size_t num_folds_ = 0;  // that are judged
   Costs of_points_;
   WeightTrial best_;
   WeightChoice choice_;
@@ -201,6 +265,14 @@ std::vector<point3D_t> UnverifiedPoints(const Reconstruction& model,
     if (!is_needed) unverified.push_back(selected.id);
   }
   return unverified;
+}
+
+BundleSelection SelectionOfCameras(const Reconstruction& model, const WeightChoice& choice,
+                                   const BundleSelection& selection) {
+  BundleSelection seen = choice.without_unverified
+                             ? WithoutPoints(selection, UnverifiedPoints(model, selection))
+                             : selection;
+  return choice.weights.points_alone ? WithoutPointsOfStructure(model, std::move(seen)) : seen;
 }
 
 WeightChoice ChooseWeights(const FoldAdjustment& adjustment, Reconstruction* model) {

@@ -44,12 +44,19 @@ struct WeightChoice {
   PairedMean pairs_from_verified;
   std::vector<WeightTrial> trials;
   size_t num_tracks = 0;  // that were left out, in all folds
+
+  // All that is selected moves the cameras, with the weights of the options.
+  bool IsAsGiven() const { return weights.IsAsGiven() && !without_unverified; }
 };
 
 // Points of a selection that two of its images see, but for those that hold an image up: both
 // images must have kMinVerified points that a third image sees.
 std::vector<point3D_t> UnverifiedPoints(const Reconstruction& model,
                                         const BundleSelection& selection);
+
+// What of a selection moves the cameras.
+BundleSelection SelectionOfCameras(const Reconstruction& model, const WeightChoice& choice,
+                                   const BundleSelection& selection);
 
 // The part of an adjustment that the choice repeats on its folds.
 struct FoldAdjustment {
@@ -64,7 +71,7 @@ struct FoldAdjustment {
   std::function<bool(int num_iterations, Problem*)> solve;
 };
 
-// The model must be near the optimum with all weights as given; it comes back as it was. Weights
+// Models of many images are judged by a part of them. The model must be near the optimum with all weights as given; it comes back as it was. Weights
 // stay as given where too few tracks could be left out, or `solve` said false.
 WeightChoice ChooseWeights(const FoldAdjustment& adjustment, Reconstruction* model);
 
