@@ -83,6 +83,22 @@ std::map<std::string, std::map<std::string, size_t>> Refusals(const RefineOutput
   return refusals;
 }
 
+// Null: not asked for.
+json PrincipalPointToJson(const RefineReport& report) {
+  if (!report.principal_point) return nullptr;
+  return {{"held", report.principal_point_held},
+          {"cost_if_free", report.principal_point->mean},
+          {"standard_error", report.principal_point->standard_error}};
+}
+
+std::string PrincipalPointToText(const RefineReport& report) {
+  if (!report.principal_point_held) return "";
+  return fmt::format(
+      "principal points stay where they were: free, they would move too far or predict points left out "
+      "worse ({:+.4f} +- {:.4f})\n",
+      report.principal_point->mean, report.principal_point->standard_error);
+}
+
 }  // namespace
 
 json RefineToJson(const RefineOutput& output, const Reconstruction& model) {
@@ -132,6 +148,7 @@ json RefineToJson(const RefineOutput& output, const Reconstruction& model) {
           {"edges", model.wireframe.size()},
           {"relations", model.relations.size()},
           {"refused", Refusals(output)},
+          {"principal_point", PrincipalPointToJson(output.refine)},
           {"points_alone", SummaryToJson(output.refine.points_alone)},
           {"stage1", SummaryToJson(output.refine.stage1)},
           {"stage2", SummaryToJson(output.refine.stage2)},
@@ -184,7 +201,7 @@ std::string RefineToText(const RefineOutput& output, const Reconstruction& model
     for (const auto& [count, reason] : sorted) text += fmt::format("  {:>8}  {}\n", count, reason);
   }
   text += "\nLast adjustment of cameras, reliable features, groups and wireframe:\n" +
-          SummaryToText(output.refine.stage1);
+          PrincipalPointToText(output.refine) + SummaryToText(output.refine.stage1);
   text += fmt::format(
       "\n{:.1f} s: detect {:.1f}, match {:.1f}, structure {:.1f}, adjust {:.1f}, write {:.1f}\n",
       output.total_seconds, output.detection.detect_seconds, output.matching.match_seconds,

@@ -290,6 +290,7 @@ BundleSummary AdjustInPlace(const BundleOptions& given, const SolverOptions& sol
                             const NoiseSigmas& known) {
   BundleOptions options = given;
   options.SetDefaultLosses(false);
+  options.RememberPrincipalPoints(*model);
   BundleSummary summary =
       Adjuster(options, solver_options, selection, model, measurements, log, known).Run();
   if (options.refit_others) RefitOthers(options, solver_options, selection, known, model);

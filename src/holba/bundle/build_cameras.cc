@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Blocks of poses and intrinsics, and what an image's residuals need of it.
+#include <algorithm>
+
 #include "holba/bundle/problem_builder.h"
+#include "holba/residual/principal_point_prior.h"
 
 namespace holba {
 
@@ -65,6 +68,29 @@ void ProblemBuilder::HoldIntrinsics(const CameraModel& model, bool constant,
   const uint32_t free = constant ? 0 : FreeIntrinsics(model, options_);
   block->held = ~free & ((uint32_t{1} << model.num_params) - 1);
   block->constant = free == 0;
+}
+
+// Of principal points that move.
+void ProblemBuilder::AddPriors() {
+  if (!(options_.principal_point_sigma > 0.0)) return;
+  for (const auto& [id, block] : out_.cameras) {
+    const Camera& camera = model_.cameras.at(id);
+    const CameraModel& model = *camera.model;
+    const uint32_t held = problem_.block(block).held;
+    const auto idxs = model.principal_point_idxs;
+    if (problem_.block(block).constant ||
+        std::all_of(idxs.begin(), idxs.end(), [&](int idx) { return held >> idx & 1; }))
+      continue;
+    const auto known = options_.known_principal_points_px.find(id);
+    const Eigen::Vector2d known_px = known != options_.known_principal_points_px.end()
+                                         ? known->second
+                                         : Eigen::Vector2d(camera.params[idxs[0]], camera.params[idxs[1]]);
+    const Eigen::Vector2d size_px(static_cast<double>(camera.width),
+                                  static_cast<double>(camera.height));
+    BatchOf<PrincipalPointPrior>("principal_point_prior", {model.num_params}, {model.id, -1, 0}, [&] {
+      return PrincipalPointPrior{&model};
+    }).Add(std::array{block}, {known_px, options_.principal_point_sigma * size_px});
+  }
 }
 
 void ProblemBuilder::HoldGauge() {

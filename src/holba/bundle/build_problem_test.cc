@@ -369,7 +369,8 @@ TEST(TermSettings, ReachTheirTermsOnly) {
       {TermFamily::kVp, {"vp"}},
       {TermFamily::kWireframe, {"wireframe_point", "wireframe_line"}},
       {TermFamily::kRelation, {"relation"}},
-      {TermFamily::kMeasurement, {"group_measurement"}}};
+      {TermFamily::kMeasurement, {"group_measurement"}},
+      {TermFamily::kPrior, {"principal_point_prior"}}};
   ASSERT_EQ(families.size(), size_t{kNumTermFamilies});
   const SmallScene scene;
   const std::vector<GroupMeasurement> measurements{{1, scene.vp, {1, 0, 0}, 2.0}};
@@ -384,6 +385,8 @@ TEST(TermSettings, ReachTheirTermsOnly) {
       const LossType others =
           choice == LossChoice::kTrivial ? LossType::kHuber : LossType::kTrivial;
       for (TermSettings& settings : options.terms) settings.weight = 1.0;
+      options.refine_principal_point = true;
+      options.principal_point_sigma = 0.02;
       options[family] = {choice, 0.125, 7.0};
       size_t reached = 0;
       const BundleProblem bundle = BuildProblem(scene.model(), options, measurements);
@@ -498,6 +501,49 @@ TEST(WriteBack, OfAnUnsolvedProblemChangesNothingButRounding) {
   for (const auto& [id, group] : before.groups3D) {
     for (size_t k = 0; k < group.params.size(); ++k)
       EXPECT_NEAR(after.groups3D.at(id).params[k], group.params[k], 1e-14);
+  }
+}
+
+// Nothing else says where the principal point is but the prior and one observation's worth of points.
+TEST(BuildProblem, HoldsPrincipalPointsByWhatIsKnownOfThem) {
+  ModelMaker maker;
+  for (int i = 0; i < 3; ++i) maker.AddImage({i - 1.0, -6.0, 0.3 * i}, {0, 0, 0});
+  for (int i = 0; i < 30; ++i)
+    maker.AddPoint({0.3 * (i % 7) - 1, 0.4 * (i % 5), 0.35 * (i % 3)}, {1, 2, 3});
+  maker.Finish();
+  BundleOptions options = PlainOptions();
+  options.fix_poses = options.fix_points = true;
+  options.refine_focal_length = false;
+  options.refine_principal_point = true;
+  options.principal_point_sigma = 0.01;
+  const BundleProblem free = BuildProblem(maker.model, options);
+  const auto prior = [](const BundleProblem& bundle) -> const TermCost* {
+    static std::vector<TermCost> terms;
+    terms = EvaluateTerms(bundle.problem);
+    for (const TermCost& term : terms) {
+      if (term.term == "principal_point_prior") return &term;
+    }
+    return nullptr;
+  };
+  ASSERT_NE(prior(free), nullptr);
+  EXPECT_EQ(prior(free)->residuals, 1u);
+  EXPECT_EQ(prior(free)->cost, 0.0);
+  // 5 px of 1000 and 480 px of 960, in standard deviations of 1 %.
+  options.known_principal_points_px[1] = {505, 0};
+  EXPECT_NEAR(prior(BuildProblem(maker.model, options))->sum_squares, 0.25 + 2500.0, 1e-9);
+  options.refine_principal_point = false;
+  EXPECT_EQ(prior(BuildProblem(maker.model, options)), nullptr);
+
+  // In an adjustment of known points, 60 equations of noise 1 px against 10 px.
+  options.refine_principal_point = true;
+  options.known_principal_points_px[1] = {510, 480};
+  for (const Backend backend : {Backend::kNative, Backend::kCeres}) {
+    Reconstruction model = maker.model;
+    SolverOptions solver = TightSolver();
+    solver.backend = backend;
+    AdjustBundle(options, solver, &model);
+    // (90 * 0 + 10 / 10^2) / (90 + 1 / 10^2) with 90 observations.
+    EXPECT_NEAR(model.cameras.at(1).params[2], 500.0 + 0.1 / 90.01, 1e-9);
   }
 }
 

@@ -2,6 +2,7 @@
 #include "holba/bundle/bundle_options.h"
 
 #include "holba/base/check.h"
+#include "holba/scene/reconstruction.h"
 
 namespace holba {
 namespace {
@@ -46,6 +47,14 @@ void BundleOptions::SetDefaultLosses(bool is_bal) {
 void BundleOptions::HoldCameras() {
   fix_poses = true;
   refine_focal_length = refine_principal_point = refine_extra_params = false;
+}
+
+void BundleOptions::RememberPrincipalPoints(const Reconstruction& model) {
+  for (const auto& [id, camera] : model.cameras) {
+    const auto idxs = camera.model->principal_point_idxs;
+    known_principal_points_px.try_emplace(
+        id, Eigen::Vector2d(camera.params[idxs[0]], camera.params[idxs[1]]));
+  }
 }
 
 void BundleOptions::Describe(OptionTable* table) const {
@@ -99,6 +108,9 @@ void BundleOptions::Describe(OptionTable* table) const {
   table->Field("refine_principal_point", &refine_principal_point,
                "Whether principal points are adjusted.")
       .Basic();
+  table->Field("principal_point_sigma", &principal_point_sigma, AtLeast(0),
+               "Standard deviation of a principal point that is adjusted from where it stands, by the "
+               "width and the height of the image; 0: it is free.");
   table->Field("refine_extra_params", &refine_extra_params,
                "Whether distortion parameters are adjusted.")
       .Basic();

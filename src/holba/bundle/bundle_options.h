@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -16,6 +17,8 @@
 #include "holba/scene/types.h"
 
 namespace holba {
+
+class Reconstruction;
 
 // The paper's configurations: each adds to the one before.
 enum class BundleConfig { kPoint, kPointLine, kGroups, kHolistic };
@@ -29,8 +32,17 @@ enum class Gauge { kTwoCams, kFree };
 enum class LossChoice { kTrivial, kHuber, kSoftL1, kCauchy, kAuto };
 
 // Terms that share a weight and a loss.
-enum class TermFamily { kPoint, kLine, kGroup, kVp, kWireframe, kRelation, kMeasurement };
-inline constexpr int kNumTermFamilies = 7;
+enum class TermFamily {
+  kPoint,
+  kLine,
+  kGroup,
+  kVp,
+  kWireframe,
+  kRelation,
+  kMeasurement,
+  kPrior
+};
+inline constexpr int kNumTermFamilies = 8;
 // The terms of FORMAT.md, in its order, then those beside it: measurements of groups, points that
 // were made from structure or with it (IsOfStructure: they have a noise of their own, by which they are
 // weighed where the loss is `auto`; and like lines they are compared with the points alone), and the
@@ -51,6 +63,7 @@ inline constexpr Term kTerms[] = {
     {"relation", TermFamily::kRelation, true},
     {"group_measurement", TermFamily::kMeasurement, false},
     {"structure_point", TermFamily::kPoint, false},
+    {"principal_point_prior", TermFamily::kPrior, false},
     {"group_point_3d", TermFamily::kGroup, false},
     {"group_line_3d", TermFamily::kGroup, false},
     {"wireframe_3d", TermFamily::kWireframe, false},
@@ -60,7 +73,7 @@ TermFamily FamilyOf(std::string_view term);
 // Residuals without unit (sines of angles, standard deviations) instead of pixels.
 constexpr bool IsAngular(TermFamily family) {
   return family == TermFamily::kVp || family == TermFamily::kRelation ||
-         family == TermFamily::kMeasurement;
+         family == TermFamily::kMeasurement || family == TermFamily::kPrior;
 }
 
 struct TermSettings {
@@ -82,6 +95,7 @@ struct BundleOptions {
       {LossChoice::kCauchy, 1.0, 0.1},  // wireframe_point, wireframe_line
       {LossChoice::kCauchy, 0.2, 5e3},  // relation
       {LossChoice::kCauchy, 3.0, 1.0},  // group_measurement, in its own standard deviations
+      {LossChoice::kTrivial, 1.0, 1.0},  // priors, in theirs
   }};
   // The loss `auto`: Cauchy at this many robust standard deviations of the term's residuals.
   double auto_num_sigmas = 2.0;
@@ -105,6 +119,10 @@ struct BundleOptions {
 
   bool refine_focal_length = true;
   bool refine_principal_point = false;
+  // Standard deviation of what is known of a principal point that moves, by the width of the image
+  // in x and its height in y; 0: nothing is. Known is where it stands, or what known_principal_points_px has.
+  double principal_point_sigma = 0.0;
+  std::map<camera_t, Eigen::Vector2d> known_principal_points_px;
   bool refine_extra_params = true;
   bool fix_poses = false;
   bool fix_points = false;
@@ -126,6 +144,8 @@ struct BundleOptions {
   }
   // Poses and intrinsics stay as they are.
   void HoldCameras();
+  // What is known of the principal points of cameras is where they stand now, if nothing is yet.
+  void RememberPrincipalPoints(const Reconstruction& model);
   // The choice of a family for a model (or, `is_bal`, a BAL problem).
   void SetDefaultLosses(bool is_bal);
   void Describe(OptionTable* table) const;

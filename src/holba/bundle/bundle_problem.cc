@@ -7,6 +7,7 @@ namespace holba {
 
 void ProblemBuilder::Build(std::span<const GroupMeasurement> measurements) {
   AddPosesAndCameras();
+  AddPriors();
   AddPoints();
   if (options_.config >= BundleConfig::kPointLine) AddLines();
   if (options_.config >= BundleConfig::kGroups) {

@@ -46,7 +46,7 @@ double RobustSigma(const Problem& problem, const std::string& term) {
 }
 
 double StructureWeights::Of(const std::string& term) const {
-  if (term == "point") return 1.0;
+  if (term == "point" || term == "principal_point_prior") return 1.0;
   if (term == "line") return lines;
   return term == "structure_point" ? corners : groups;
 }

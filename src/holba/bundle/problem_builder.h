@@ -62,6 +62,7 @@ class ProblemBuilder {
   const SensorPose* AddSensorPose(const Frame& frame, const Image& image);
   void HoldIntrinsics(const CameraModel& model, bool constant, ParameterBlock* block) const;
   void HoldGauge();
+  void AddPriors();
   // build_features.cc
   void AddPoints();
   size_t NumPointObservations() const;

@@ -14,6 +14,7 @@
 #include "holba/base/random.h"
 #include "holba/group/lines_in_plane_testing.h"
 #include "holba/problem/residual_batch.h"
+#include "holba/residual/principal_point_prior.h"
 #include "holba/residual/group_line.h"
 #include "holba/residual/group_line_3d.h"
 #include "holba/residual/group_measurement.h"
@@ -222,6 +223,20 @@ TEST(ResidualsWithoutCamera, HaveTheJacobiansOfTheirFormulas) {
     }
   }
   ExpectJacobians(Wireframe3dResidual{}, {}, {scene.Point(), scene.Line()}, "wireframe_3d");
+}
+
+TEST(PrincipalPointPrior, IsTheDistanceInStandardDeviations) {
+  const CameraModel& model = *FindCameraModel("OPENCV");
+  const std::vector<double> params = {700, 710, 503, 390, 0.1, -0.02, 0.001, 0.002};
+  const PrincipalPointPrior prior{&model};
+  const double* values[] = {params.data()};
+  double residual[2], J[16];
+  double* jacobians[] = {J};
+  ASSERT_TRUE(prior.Evaluate({{500, 400}, {10, 8}}, values, residual, jacobians));
+  EXPECT_DOUBLE_EQ(residual[0], 0.3);
+  EXPECT_DOUBLE_EQ(residual[1], -1.25);
+  for (int i = 0; i < 16; ++i)
+    EXPECT_DOUBLE_EQ(J[i], i == 2 ? 0.1 : i == 8 + 3 ? 0.125 : 0.0) << i;
 }
 
 TEST(GroupLine3dResidual, IsTheDistanceOfBothEndsFromTheProjectedLineWhereOnlyLinesAreProjected) {

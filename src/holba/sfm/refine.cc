@@ -13,6 +13,7 @@
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/bundle_selection.h"
 #include "holba/bundle/followers.h"
+#include "holba/bundle/intrinsics_choice.h"
 #include "holba/scene/local_frame.h"
 #include "holba/scene/selection.h"
 
@@ -34,6 +35,7 @@ class Refiner {
     options_.structure.SetNumThreads(options.solver.num_threads);
     bundle_ = options.bundle;
     if (options.fix_poses) bundle_.HoldCameras();
+    bundle_.RememberPrincipalPoints(model_);
   }
 
   RefineReport Run(const LineMatcher& match_lines, const RegionObserver& observe_regions) {
@@ -78,9 +80,51 @@ class Refiner {
     options.refit_others = false;
     // The given points were not: COLMAP's own last adjustment follows what is wrong.
     options.auto_start_multiple = BundleOptions().auto_start_multiple;
+    const Reconstruction given = model_;
     report_.points_alone = AdjustBundle(options, options_.solver, &model_);
     known_sigmas_ = report_.points_alone.auto_sigmas;
+    if (bundle_.refine_principal_point && !bundle_.fix_poses) ChoosePrincipalPoints(options, given);
     Log(fmt::format("Points alone: sigma {:.3f} px", SigmaPx(report_.points_alone, "point", 0.0)));
+  }
+
+  // Principal points stay where they do harm: on a walk straight ahead they trade for the direction
+  // of the walk.
+  void ChoosePrincipalPoints(const BundleOptions& options, const Reconstruction& given) {
+    BundleOptions holding = options;
+    holding.refine_principal_point = false;
+    Reconstruction held = given;
+    const BundleSummary summary = AdjustBundle(holding, options_.solver, &held, {}, {}, known_sigmas_);
+    report_.principal_point = ComparePredictions({options, model_}, {holding, held}, known_sigmas_,
+                                                 options_.solver);
+    const PairedMean& difference = *report_.principal_point;
+    report_.principal_point_held =
+        difference.mean > kMaxLossErrors * difference.standard_error ||
+        !PrincipalPointsArePlausible();
+    Log(fmt::format("Points left out cost {:+.4f} +- {:.4f} with principal points adjusted: these {}",
+                    difference.mean, difference.standard_error,
+                    report_.principal_point_held ? "stay" : "move"));
+    if (!report_.principal_point_held) return;
+    bundle_.refine_principal_point = false;
+    model_ = std::move(held);
+    report_.points_alone = summary;
+    known_sigmas_ = summary.auto_sigmas;
+  }
+
+  // Within three standard deviations of what is known: beyond, the coordinates fit something else that the
+  // camera model lacks, which points that are seen by the same cameras share.
+  bool PrincipalPointsArePlausible() const {
+    if (!(bundle_.principal_point_sigma > 0.0)) return true;
+    return std::all_of(model_.cameras.begin(), model_.cameras.end(), [&](const auto& entry) {
+      const auto& [id, camera] = entry;
+      const auto idxs = camera.model->principal_point_idxs;
+      const Eigen::Vector2d now(camera.params[idxs[0]], camera.params[idxs[1]]);
+      const Eigen::Vector2d size(static_cast<double>(camera.width),
+                                 static_cast<double>(camera.height));
+      const Eigen::Vector2d sigma = bundle_.principal_point_sigma * size;
+      const Eigen::Vector2d moved =
+          (now - bundle_.known_principal_points_px.at(id)).cwiseQuotient(sigma);
+      return moved.lpNorm<Eigen::Infinity>() <= kMaxPrincipalPointSigmas;
+    });
   }
 
   void Classify() {
@@ -175,6 +219,9 @@ class Refiner {
   }
 
   static constexpr double kRoundTolerance = 1e-4;
+  static constexpr double kMaxPrincipalPointSigmas = 3.0;
+  // By so many standard errors freer intrinsics may predict worse.
+  static constexpr double kMaxLossErrors = 2.0;
   // Members that a group needs to take part in stage 1.
   static constexpr size_t kMinSupport = 3;
 
@@ -200,6 +247,9 @@ RefineOptions::RefineOptions() {
   // COLMAP holds it at the middle of the image, where it is not: with the loss `auto` it is
   // determined, and poses and focal length gain far more than structure could give them.
   bundle.refine_principal_point = true;
+  // Makers of lenses and sensors place it within 1 to 2 % of the width; what images say of it they
+  // say more surely than that, or not at all (walks straight ahead).
+  bundle.principal_point_sigma = 0.02;
 }
 
 void RefineOptions::Describe(OptionTable* table) const {

@@ -6,6 +6,7 @@
 
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,10 @@ struct RefineOptions {
 struct RefineReport {
   // Points alone, before structure is built.
   BundleSummary points_alone;
+  // What adjusting principal points adds to the cost of points left out, where it was asked for;
+  // they stay where that gains nothing.
+  std::optional<PairedMean> principal_point;
+  bool principal_point_held = false;
   StructureReport structure;
   // Of the last round, and what stage 1 was told.
   BundleSummary stage1, stage2;

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Whether points that an adjustment has not seen are predicted better by cameras whose intrinsics
+// were freer.
+#pragma once
+
+#include "holba/bundle/bundle_options.h"
+#include "holba/bundle/held_out.h"
+#include "holba/bundle/losses.h"
+#include "holba/scene/reconstruction.h"
+#include "holba/solver/solver.h"
+
+namespace holba {
+
+// A model of points, adjusted with these options.
+struct AdjustedPoints {
+  const BundleOptions& options;
+  const Reconstruction& model;
+};
+
+// Mean cost of the tracks left out with the cameras of `free`, less that with those of `held`, in
+// the same tracks (held_out.h); both adjusted on what stays in, each from where it is. Both models
+// have the same points. `sigmas`: the noise of the points. No tracks: all zero.
+PairedMean ComparePredictions(const AdjustedPoints& free, const AdjustedPoints& held,
+                              const NoiseSigmas& sigmas, const SolverOptions& solver_options);
+
+}  // namespace holba
