@@ -217,7 +217,8 @@ TEST(DenseMapFiles, BadOnesAreRefusedWithTheReason) {
   EXPECT_THAT(depth("a.png", LabelPng(2, 2, [](int, int) { return 1; })),
               HasSubstr("expected a PNG of 16-bit grey as depth map, found 1 channels of 8 bits"));
   EXPECT_THAT(depth("a.bin", "2&1&"), HasSubstr("at byte 4: expected WIDTH&HEIGHT&CHANNELS&"));
-  EXPECT_THAT(depth("a.bin", "2&1&1&abcd"), HasSubstr("has 4 bytes of numbers, expected 8"));
+  EXPECT_THAT(depth("a.bin", "2&1&1&abcd"),
+              HasSubstr("expected 8 bytes of numbers for 2 x 1 pixels and 1 channels, found 4"));
   EXPECT_THAT(depth("a.bin", "2&-1&1&abcd"), HasSubstr("expected WIDTH&HEIGHT&CHANNELS&"));
   EXPECT_THAT(depth("a.bin", "1048576&1048576&16&abcd"), HasSubstr("truncated or damaged"));
   EXPECT_THAT(depth("a.bin", "1&1&2&abcdabcd"),

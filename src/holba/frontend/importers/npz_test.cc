@@ -91,8 +91,9 @@ TEST(Npy, BadFilesAreRefusedWithTheReason) {
   EXPECT_THAT(message(FromBase64(kNpyPickle)), HasSubstr("pickled Python objects"));
   EXPECT_THAT(message(FromBase64(kNpyRecords)), HasSubstr("structured type"));
   std::string bytes = FromBase64(kNpyFloat32);
-  EXPECT_THAT(message(bytes.substr(0, bytes.size() - 1)),
-              HasSubstr("has 31 bytes of numbers, expected 32 of a (2, 4) float32: it is trunc"));
+  EXPECT_THAT(
+      message(bytes.substr(0, bytes.size() - 1)),
+      HasSubstr("has 31 bytes of numbers, expected 32 of a (2, 4) float32, so that it is trunc"));
   EXPECT_THAT(message(bytes + "x"), HasSubstr("has 33 bytes of numbers"));
   EXPECT_THAT(message(bytes.substr(0, 40)), HasSubstr("truncated in its header"));
   bytes[6] = 9;
