@@ -94,7 +94,8 @@ json PrincipalPointToJson(const RefineReport& report) {
 std::string PrincipalPointToText(const RefineReport& report) {
   if (!report.principal_point_held) return "";
   return fmt::format(
-      "principal points stay where they were: free, they would move too far or predict points left out "
+      "principal points stay where they were: free, they would move too far or predict points left "
+      "out "
       "worse ({:+.4f} +- {:.4f})\n",
       report.principal_point->mean, report.principal_point->standard_error);
 }
@@ -169,9 +170,8 @@ std::string RefineToText(const RefineOutput& output, const Reconstruction& model
   const std::string vp_name(VanishingPointType().name);
   std::string text = fmt::format(
       "lines            {} ({} in 4 or more images, {} of these with ends known to 1 % of their "
-      "depth)\n"
-      "                 left-out images are foretold to {:.2f} px (median)\n"
-      "vanishing points {} with {} lines\n",
+      "depth)\n                 left-out images are predicted to {:.2f} px (median)\nvanishing "
+      "points {} with {} lines\n",
       model.lines3D.size(), counts.lines_in_4_images, s.lines.num_reliable_with_4_images,
       output.leave_one_out.median_px,
       counts.groups.contains(vp_name) ? counts.groups.at(vp_name) : 0, counts.lines_with_vp);

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "holba/base/timer.h"
+#include "holba/base/words.h"
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/losses.h"
 #include "holba/bundle/weight_choice.h"
@@ -174,8 +175,9 @@ class Adjuster {
     if (stopped_) return;
     BundleOptions options = options_;
     if (choice.weights.points_alone) options.config = BundleConfig::kPoint;
-    BundleProblem bundle = BuildProblem(model_, options, SelectionOfCameras(model_, choice, selection_),
-                                        measurements_, &summary_.filter);
+    BundleProblem bundle =
+        BuildProblem(model_, options, SelectionOfCameras(model_, choice, selection_), measurements_,
+                     &summary_.filter);
     scales_.Begin(bundle.problem);
     scales_.Weigh(choice.weights.structure);
     Solve(solver_options_, &bundle.problem);
@@ -206,7 +208,8 @@ class Adjuster {
       text += fmt::format("{} {} of {} {}", text.empty() ? "" : ",", count.rejected, count.tested,
                           kind);
     }
-    log_(fmt::format("Associations left out:{}; groups: {}", text, report.groups_dropped));
+    log_(fmt::format("Associations left out:{}; with them {}", text,
+                     Counted(report.groups_dropped, "whole group")));
   }
 
   void LogChoice() const {
@@ -233,7 +236,7 @@ class Adjuster {
   }
   void Anneal(Problem* problem) {
     for (int round = 0; round < kMaxRounds && !stopped_; ++round) {
-      if (log_) log_(fmt::format("Cauchy scales:{}", scales_.Text()));
+      if (log_) log_(fmt::format("Scales of the Cauchy losses:{}", scales_.Text()));
       Solve(Short(), problem);
       if (scales_.Tighten(*problem)) break;
     }
@@ -258,7 +261,7 @@ class Adjuster {
   AutoScales scales_;
   SolverWorkspace workspace_;  // many rounds are of one structure
   BundleSummary summary_;
-  bool stopped_ = false;      // by the caller, or because time is up
+  bool stopped_ = false;  // by the caller, or because time is up
 };
 
 // Estimates what the configuration left out, with everything that took part held: first lines on

@@ -66,8 +66,8 @@ BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& so
                            std::span<const GroupMeasurement> measurements = {},
                            const RoundLog& log = {}, const NoiseSigmas& known = {});
 
-// The frame that a model is adjusted in has a unit of its own, but for the 3D forms, whose costs are
-// in the units of the model.
+// The frame that a model is adjusted in has a unit of its own, but for the 3D forms, whose costs
+// are in the units of the model.
 LocalFrame::Unit FrameUnit(const BundleOptions& options);
 
 // Number of residuals and sum of squares of every term of FORMAT.md at the model as it stands (all

@@ -24,8 +24,7 @@ void ProblemBuilder::AddPosesAndCameras() {
       const double values[7] = {q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()};
       const BlockId block =
           problem_.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, values);
-      problem_.block(block).constant =
-          selection_.frames[frame_idx.Find(image->frame_id)].constant;
+      problem_.block(block).constant = selection_.frames[frame_idx.Find(image->frame_id)].constant;
       out_.poses.emplace_back(image->frame_id, block);
     }
     const Camera& camera = model_.cameras.at(image->camera_id);
@@ -40,10 +39,10 @@ void ProblemBuilder::AddPosesAndCameras() {
     }
     const BlockId camera_block = out_.cameras[intrinsics].second;
     image_idx_.Add(image_id);
-    images_.push_back(
-        {image_id, out_.poses[pose].second, camera_block, AddSensorPose(frame, *image),
-         camera.model, camera.params.data(),
-         !camera.model->is_pinhole && problem_.block(camera_block).FreeTangent() > 0, image});
+    images_.push_back({image_id, out_.poses[pose].second, camera_block,
+                       AddSensorPose(frame, *image), camera.model, camera.params.data(),
+                       !camera.model->is_pinhole && problem_.block(camera_block).FreeTangent() > 0,
+                       image});
   }
   HoldGauge();
 }
@@ -82,14 +81,15 @@ void ProblemBuilder::AddPriors() {
         std::all_of(idxs.begin(), idxs.end(), [&](int idx) { return held >> idx & 1; }))
       continue;
     const auto known = options_.known_principal_points_px.find(id);
-    const Eigen::Vector2d known_px = known != options_.known_principal_points_px.end()
-                                         ? known->second
-                                         : Eigen::Vector2d(camera.params[idxs[0]], camera.params[idxs[1]]);
+    const Eigen::Vector2d known_px =
+        known != options_.known_principal_points_px.end()
+            ? known->second
+            : Eigen::Vector2d(camera.params[idxs[0]], camera.params[idxs[1]]);
     const Eigen::Vector2d size_px(static_cast<double>(camera.width),
                                   static_cast<double>(camera.height));
-    BatchOf<PrincipalPointPrior>("principal_point_prior", {model.num_params}, {model.id, -1, 0}, [&] {
-      return PrincipalPointPrior{&model};
-    }).Add(std::array{block}, {known_px, options_.principal_point_sigma * size_px});
+    BatchOf<PrincipalPointPrior>("principal_point_prior", {model.num_params}, {model.id, -1, 0},
+                                 [&] { return PrincipalPointPrior{&model}; })
+        .Add(std::array{block}, {known_px, options_.principal_point_sigma * size_px});
   }
 }
 

@@ -59,13 +59,14 @@ void BundleOptions::RememberPrincipalPoints(const Reconstruction& model) {
 
 void BundleOptions::Describe(OptionTable* table) const {
   table->Section("Bundle");
-  table->Choice("config", &config,
-                {{"point", BundleConfig::kPoint},
-                 {"point_line", BundleConfig::kPointLine},
-                 {"groups", BundleConfig::kGroups},
-                 {"holistic", BundleConfig::kHolistic}},
-                "What takes part; each adds to the one before: lines; groups and relations; "
-                "wireframe.")
+  table
+      ->Choice("config", &config,
+               {{"point", BundleConfig::kPoint},
+                {"point_line", BundleConfig::kPointLine},
+                {"groups", BundleConfig::kGroups},
+                {"holistic", BundleConfig::kHolistic}},
+               "What takes part; each adds to the one before: lines; groups and relations; "
+               "wireframe.")
       .Basic();
   for (const FamilyText& text : kFamilies) {
     const TermSettings& settings = (*this)[text.family];
@@ -100,19 +101,23 @@ void BundleOptions::Describe(OptionTable* table) const {
                "Rounds of testing associations and adjusting.");
   table->Field("gate_confidence", &gate_confidence, Between(0.5, 0.999999),
                "Share of the right associations that passes a test.");
-  table->Field("choose_weights", &choose_weights,
-               "Whether points that are left out choose how much lines and structure move the cameras; "
-               "else their weights are as given.");
+  table->Field(
+      "choose_weights", &choose_weights,
+      "Whether points that are left out choose how much lines and structure move the cameras; "
+      "else their weights are as given.");
   table->Field("refine_focal_length", &refine_focal_length, "Whether focal lengths are adjusted.")
       .Basic();
-  table->Field("refine_principal_point", &refine_principal_point,
-               "Whether principal points are adjusted.")
+  table
+      ->Field("refine_principal_point", &refine_principal_point,
+              "Whether principal points are adjusted.")
       .Basic();
-  table->Field("principal_point_sigma", &principal_point_sigma, AtLeast(0),
-               "Standard deviation of a principal point that is adjusted from where it stands, by the "
-               "width and the height of the image; 0: it is free.");
-  table->Field("refine_extra_params", &refine_extra_params,
-               "Whether distortion parameters are adjusted.")
+  table->Field(
+      "principal_point_sigma", &principal_point_sigma, AtLeast(0),
+      "Standard deviation of a principal point that is adjusted from where it stands, by the "
+      "width and the height of the image; 0: it is free.");
+  table
+      ->Field("refine_extra_params", &refine_extra_params,
+              "Whether distortion parameters are adjusted.")
       .Basic();
   table->Field("fix_poses", &fix_poses, "Whether camera poses are held.").Basic();
   table->Field("fix_points", &fix_points, "Whether points are held.");

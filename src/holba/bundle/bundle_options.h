@@ -25,28 +25,20 @@ enum class BundleConfig { kPoint, kPointLine, kGroups, kHolistic };
 // 2D: reprojection errors in pixels (the method). 3D: distances in model units, for comparison
 // only.
 enum class StructureForm { k2d, k3d };
-// kTwoCams, as in COLMAP: the first frame is held, and of the frame farthest from it the translation
-// coordinate that fixes the scale. Held points, frames, lines and groups and the baseline of a rig
-// fix a part of the gauge; then only the rest is held (gauge.h). kFree: nothing is held.
+// kTwoCams, as in COLMAP: the first frame is held, and of the frame farthest from it the
+// translation coordinate that fixes the scale. Held points, frames, lines and groups and the
+// baseline of a rig fix a part of the gauge; then only the rest is held (gauge.h). kFree: nothing
+// is held.
 enum class Gauge { kTwoCams, kFree };
 enum class LossChoice { kTrivial, kHuber, kSoftL1, kCauchy, kAuto };
 
 // Terms that share a weight and a loss.
-enum class TermFamily {
-  kPoint,
-  kLine,
-  kGroup,
-  kVp,
-  kWireframe,
-  kRelation,
-  kMeasurement,
-  kPrior
-};
+enum class TermFamily { kPoint, kLine, kGroup, kVp, kWireframe, kRelation, kMeasurement, kPrior };
 inline constexpr int kNumTermFamilies = 8;
 // The terms of FORMAT.md, in its order, then those beside it: measurements of groups, points that
-// were made from structure or with it (IsOfStructure: they have a noise of their own, by which they are
-// weighed where the loss is `auto`; and like lines they are compared with the points alone), and the
-// 3D forms.
+// were made from structure or with it (IsOfStructure: they have a noise of their own, by which they
+// are weighed where the loss is `auto`; and like lines they are compared with the points alone),
+// and the 3D forms.
 struct Term {
   std::string_view name;
   TermFamily family;
@@ -88,13 +80,13 @@ struct BundleOptions {
 
   // By TermFamily. Weights and losses of the paper, appendix "Balancing Different Types of Costs".
   std::array<TermSettings, kNumTermFamilies> terms = {{
-      {std::nullopt, 1.0, 1.0},         // point
-      {std::nullopt, 1.0, 1.0},         // line
-      {LossChoice::kCauchy, 1.0, 0.5},  // group_point, group_line
-      {LossChoice::kCauchy, 0.2, 5e3},  // vp
-      {LossChoice::kCauchy, 1.0, 0.1},  // wireframe_point, wireframe_line
-      {LossChoice::kCauchy, 0.2, 5e3},  // relation
-      {LossChoice::kCauchy, 3.0, 1.0},  // group_measurement, in its own standard deviations
+      {std::nullopt, 1.0, 1.0},          // point
+      {std::nullopt, 1.0, 1.0},          // line
+      {LossChoice::kCauchy, 1.0, 0.5},   // group_point, group_line
+      {LossChoice::kCauchy, 0.2, 5e3},   // vp
+      {LossChoice::kCauchy, 1.0, 0.1},   // wireframe_point, wireframe_line
+      {LossChoice::kCauchy, 0.2, 5e3},   // relation
+      {LossChoice::kCauchy, 3.0, 1.0},   // group_measurement, in its own standard deviations
       {LossChoice::kTrivial, 1.0, 1.0},  // priors, in theirs
   }};
   // The loss `auto`: Cauchy at this many robust standard deviations of the term's residuals.
@@ -103,8 +95,8 @@ struct BundleOptions {
   // residuals say.
   double auto_min_scale_px = 0.05;
 
-  // The annealing of the loss `auto` starts at this multiple of the goal, and the scale halves: wide
-  // enough that observations which are wrong at the start only still count.
+  // The annealing of the loss `auto` starts at this multiple of the goal, and the scale halves:
+  // wide enough that observations which are wrong at the start only still count.
   double auto_start_multiple = 8.0;
 
   // Associations that contradict the features as seen take no part (association_gate.h), tested
@@ -120,7 +112,8 @@ struct BundleOptions {
   bool refine_focal_length = true;
   bool refine_principal_point = false;
   // Standard deviation of what is known of a principal point that moves, by the width of the image
-  // in x and its height in y; 0: nothing is. Known is where it stands, or what known_principal_points_px has.
+  // in x and its height in y; 0: nothing is. Known is where it stands, or what
+  // known_principal_points_px has.
   double principal_point_sigma = 0.0;
   std::map<camera_t, Eigen::Vector2d> known_principal_points_px;
   bool refine_extra_params = true;

@@ -5,9 +5,9 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 #include <cstdint>
 #include <span>
+#include <tuple>
 #include <unordered_set>
 #include <utility>
 
@@ -52,11 +52,10 @@ void ForEachRegion(std::span<Located> points, int levels, const Visitor& visit) 
   Eigen::Index axis = 0;
   box.sizes().maxCoeff(&axis);
   const size_t half = points.size() / 2;
-  std::nth_element(points.begin(), points.begin() + half, points.end(),
-                   [&](const Located& a, const Located& b) {
-                     return std::tuple(a.xyz[axis], a.is_line, a.id) <
-                            std::tuple(b.xyz[axis], b.is_line, b.id);
-                   });
+  std::nth_element(
+      points.begin(), points.begin() + half, points.end(), [&](const Located& a, const Located& b) {
+        return std::tuple(a.xyz[axis], a.is_line, a.id) < std::tuple(b.xyz[axis], b.is_line, b.id);
+      });
   ForEachRegion(points.subspan(0, half), levels - 1, visit);
   ForEachRegion(points.subspan(half), levels - 1, visit);
 }
@@ -130,7 +129,8 @@ double BestCost(std::span<const Sighting> sightings, Eigen::Vector3d X, double s
 size_t NumImages(const std::vector<PointObservation>& track, const FlatIndex& image_idx) {
   std::vector<image_t> images;
   for (const PointObservation& o : track) {
-    if (image_idx.contains(o.image_id) && std::find(images.begin(), images.end(), o.image_id) == images.end())
+    if (image_idx.contains(o.image_id) &&
+        std::find(images.begin(), images.end(), o.image_id) == images.end())
       images.push_back(o.image_id);
   }
   return images.size();

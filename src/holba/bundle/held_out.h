@@ -11,11 +11,11 @@
 
 namespace holba {
 
-// The variable points and lines of a selection in folds, each of which is left out once. A fold is a number of
-// regions in space: what is left out must not stand beside what stays in, for neighbours err alike
-// (several keypoints at one corner, a shadow, a corner that two lines at different depths make). The
-// tracks that are judged were not made from structure, and three images of the selection see them at
-// least: two images fit a point of their own to nearly any cameras.
+// The variable points and lines of a selection in folds, each of which is left out once. A fold is
+// a number of regions in space: what is left out must not stand beside what stays in, for
+// neighbours err alike (several keypoints at one corner, a shadow, a corner that two lines at
+// different depths make). The tracks that are judged were not made from structure, and three images
+// of the selection see them at least: two images fit a point of their own to nearly any cameras.
 class HeldOutPoints {
  public:
   static constexpr size_t kNumFolds = 4;  // a quarter is left out

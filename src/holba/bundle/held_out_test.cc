@@ -82,7 +82,8 @@ TEST(HeldOutPoints, JudgesWhatThreeImagesSeeAndNoStructureMade) {
     maker.AddPoint(X, i < 10 ? std::vector<image_t>{1, 2} : std::vector<image_t>{1, 2, 3});
   }
   maker.Finish();
-  for (point3D_t id = 115; id < 120; ++id) maker.model.points3D.at(id).origin = PointOrigin::kCorner;
+  for (point3D_t id = 115; id < 120; ++id)
+    maker.model.points3D.at(id).origin = PointOrigin::kCorner;
   const BundleSelection all = BundleSelection::Everything(maker.model, {});
   const HeldOutPoints held_out(maker.model, all);
   size_t num_judged = 0;

@@ -22,9 +22,9 @@ std::vector<double> Costs(const AdjustedPoints& points, const HeldOutPoints& hel
   BundleOptions options = points.options;
   options.config = BundleConfig::kPoint;
   AutoScales scales(options, sigmas);
-  BundleProblem bundle = BuildProblem(
-      points.model, options,
-      held_out.Without(fold, BundleSelection::Everything(points.model, options)));
+  BundleProblem bundle =
+      BuildProblem(points.model, options,
+                   held_out.Without(fold, BundleSelection::Everything(points.model, options)));
   scales.Begin(bundle.problem);
   Solve(solver, &bundle.problem);
   Reconstruction adjusted = points.model;

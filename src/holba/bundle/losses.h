@@ -38,8 +38,9 @@ using NoiseSigmas = std::map<std::string, double>;
 // to weigh what it says. Scales outlive a problem: the next one begins where the last one ended.
 class AutoScales {
  public:
-  // `known`: standard deviations that an earlier adjustment of these features measured; the scales of their
-  // terms start at their goals instead of being annealed from far. The options must outlive this.
+  // `known`: standard deviations that an earlier adjustment of these features measured; the scales
+  // of their terms start at their goals instead of being annealed from far. The options must
+  // outlive this.
   explicit AutoScales(const BundleOptions& options, const NoiseSigmas& known = {});
 
   // Sets the losses and weights of a new problem. True: some scale is new and has to be annealed.
@@ -70,7 +71,7 @@ class AutoScales {
   double GoalOf(const std::string& term, double sigma) const;
 
   const BundleOptions& options_;
-  std::set<std::string> terms_;  // of the problem at hand
+  std::set<std::string> terms_;                             // of the problem at hand
   std::vector<std::pair<ResidualBatch*, double>> batches_;  // of it, with their weights as given
   StructureWeights factors_;
   std::map<std::string, double> scales_;

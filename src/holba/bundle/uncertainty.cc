@@ -46,8 +46,9 @@ Matrix6d WorldPoseByLocal(const Sim3d& world_from_local, const Rigid3d& cam_from
 // model is in its local frame, the results are in the world.
 bool AddCovariances(const Reconstruction& model, const Sim3d& world_from_local,
                     const BundleOptions& options, const BundleSelection& selection,
-                    const BundleSummary& summary, const StructureWeights& weights, std::span<const GroupMeasurement> measurements,
-                    int num_threads, ModelUncertainty* result) {
+                    const BundleSummary& summary, const StructureWeights& weights,
+                    std::span<const GroupMeasurement> measurements, int num_threads,
+                    ModelUncertainty* result) {
   const BundleProblem bundle =
       BuildProblem(model, options, selection, measurements, &summary.filter);
   const Problem& problem = bundle.problem;
@@ -119,11 +120,10 @@ std::optional<ModelUncertainty> EstimateUncertainty(
     BundleOptions of_cameras = options;
     BundleSelection seen = SelectionOfCameras(model, choice, selection);
     if (choice.weights.points_alone) of_cameras.config = BundleConfig::kPoint;
-    if (!AddCovariances(model, world_from_local, of_cameras, seen, summary,
-                        choice.weights.structure,
-                        choice.weights.points_alone ? std::span<const GroupMeasurement>()
-                                                    : measurements,
-                        num_threads, &result))
+    if (!AddCovariances(
+            model, world_from_local, of_cameras, seen, summary, choice.weights.structure,
+            choice.weights.points_alone ? std::span<const GroupMeasurement>() : measurements,
+            num_threads, &result))
       return std::nullopt;
     selection.HoldCameras();
   }

@@ -59,7 +59,8 @@ std::vector<image_t> ImagesOfPart(const Reconstruction& model, const BundleSelec
     }
     size_t best = images.size();
     for (size_t i = 0; i < images.size(); ++i) {
-      if (!is_in[i] && num_shared[i] > 0 && (best == images.size() || num_shared[i] > num_shared[best]))
+      if (!is_in[i] && num_shared[i] > 0 &&
+          (best == images.size() || num_shared[i] > num_shared[best]))
         best = i;
     }
     if (best == images.size()) break;
@@ -115,8 +116,7 @@ class Chooser {
   using Costs = std::vector<double>;
 
   BundleProblem Build(const BundleOptions& options, const BundleSelection& selection) const {
-    return BuildProblem(model_, options, selection, adjustment_.measurements,
-                        &adjustment_.filter);
+    return BuildProblem(model_, options, selection, adjustment_.measurements, &adjustment_.filter);
   }
 
   // Of points alone.
@@ -125,8 +125,8 @@ class Chooser {
     points_only.config = BundleConfig::kPoint;
     Costs costs;
     for (size_t fold = 0; fold < num_folds_; ++fold) {
-      BundleProblem bundle = Build(
-          points_only, WithoutPointsOfStructure(model_, held_out_.Without(fold, selection)));
+      BundleProblem bundle =
+          Build(points_only, WithoutPointsOfStructure(model_, held_out_.Without(fold, selection)));
       adjustment_.scales->Begin(bundle.problem);
       Judge(fold, kFirstIterations, &bundle, &costs);
       Finish();

@@ -71,8 +71,9 @@ struct FoldAdjustment {
   std::function<bool(int num_iterations, Problem*)> solve;
 };
 
-// Models of many images are judged by a part of them. The model must be near the optimum with all weights as given; it comes back as it was. Weights
-// stay as given where too few tracks could be left out, or `solve` said false.
+// Models of many images are judged by a part of them. The model must be near the optimum with all
+// weights as given; it comes back as it was. Weights stay as given where too few tracks could be
+// left out, or `solve` said false.
 WeightChoice ChooseWeights(const FoldAdjustment& adjustment, Reconstruction* model);
 
 }  // namespace holba

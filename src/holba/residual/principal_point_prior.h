@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// principal_point_prior: r = (c - c_0) / sigma of a camera's principal point c (px), each coordinate in
-// the standard deviation of what is known of it before. Block: the camera's intrinsics. Always present.
+// principal_point_prior: r = (c - c_0) / sigma of a camera's principal point c (px), each
+// coordinate in the standard deviation of what is known of it before. Block: the camera's
+// intrinsics. Always present.
 #pragma once
 
 #include <Eigen/Core>

@@ -84,7 +84,8 @@ class Refiner {
     report_.points_alone = AdjustBundle(options, options_.solver, &model_);
     known_sigmas_ = report_.points_alone.auto_sigmas;
     if (bundle_.refine_principal_point && !bundle_.fix_poses) ChoosePrincipalPoints(options, given);
-    Log(fmt::format("Points alone: sigma {:.3f} px", SigmaPx(report_.points_alone, "point", 0.0)));
+    Log(fmt::format("Points alone: standard deviation of a coordinate {:.3f} px",
+                    SigmaPx(report_.points_alone, "point", 0.0)));
   }
 
   // Principal points stay where they do harm: on a walk straight ahead they trade for the direction
@@ -93,16 +94,17 @@ class Refiner {
     BundleOptions holding = options;
     holding.refine_principal_point = false;
     Reconstruction held = given;
-    const BundleSummary summary = AdjustBundle(holding, options_.solver, &held, {}, {}, known_sigmas_);
-    report_.principal_point = ComparePredictions({options, model_}, {holding, held}, known_sigmas_,
-                                                 options_.solver);
+    const BundleSummary summary =
+        AdjustBundle(holding, options_.solver, &held, {}, {}, known_sigmas_);
+    report_.principal_point =
+        ComparePredictions({options, model_}, {holding, held}, known_sigmas_, options_.solver);
     const PairedMean& difference = *report_.principal_point;
-    report_.principal_point_held =
-        difference.mean > kMaxLossErrors * difference.standard_error ||
-        !PrincipalPointsArePlausible();
-    Log(fmt::format("Points left out cost {:+.4f} +- {:.4f} with principal points adjusted: these {}",
-                    difference.mean, difference.standard_error,
-                    report_.principal_point_held ? "stay" : "move"));
+    report_.principal_point_held = difference.mean > kMaxLossErrors * difference.standard_error ||
+                                   !PrincipalPointsArePlausible();
+    Log(fmt::format(
+        "Points left out cost {:+.4f} +- {:.4f} with principal points adjusted: these {}",
+        difference.mean, difference.standard_error,
+        report_.principal_point_held ? "stay" : "move"));
     if (!report_.principal_point_held) return;
     bundle_.refine_principal_point = false;
     model_ = std::move(held);
@@ -110,8 +112,8 @@ class Refiner {
     known_sigmas_ = summary.auto_sigmas;
   }
 
-  // Within three standard deviations of what is known: beyond, the coordinates fit something else that the
-  // camera model lacks, which points that are seen by the same cameras share.
+  // Within three standard deviations of what is known: beyond, the coordinates fit something else
+  // that the camera model lacks, which points that are seen by the same cameras share.
   bool PrincipalPointsArePlausible() const {
     if (!(bundle_.principal_point_sigma > 0.0)) return true;
     return std::all_of(model_.cameras.begin(), model_.cameras.end(), [&](const auto& entry) {
@@ -255,9 +257,10 @@ RefineOptions::RefineOptions() {
 void RefineOptions::Describe(OptionTable* table) const {
   table->Section("Refine");
   table->Field("fix_poses", &fix_poses, "Whether poses and intrinsics stay as they are.").Basic();
-  table->Field("num_rounds", &num_rounds, Between(1, 10),
-               "Rounds of adjusting (reliable features with cameras, then the others) and "
-               "estimating associations anew.")
+  table
+      ->Field("num_rounds", &num_rounds, Between(1, 10),
+              "Rounds of adjusting (reliable features with cameras, then the others) and "
+              "estimating associations anew.")
       .Basic();
   structure.Describe(table);
   reliability.Describe(table);
