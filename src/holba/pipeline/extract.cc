@@ -12,6 +12,7 @@
 #include "holba/base/log.h"
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
+#include "holba/frontend/importers/import_points.h"
 #include "holba/frontend/importers/import_regions.h"
 #include "holba/frontend/photographs/photograph.h"
 #include "holba/pipeline/image_structure.h"
@@ -45,6 +46,7 @@ class Extractor {
     found_.resize(plan_.images.size());
     is_found_.resize(plan_.images.size());
     if (options.structure && !options.imports.segments.empty()) ReadImportedSegments();
+    if (!options.points_path.empty()) ReadImportedPoints();
   }
 
   ExtractReport Run() {
@@ -91,6 +93,15 @@ class Extractor {
             imported.num_segments, imported.num_images, imported.num_images_without);
   }
 
+  void ReadImportedPoints() {
+    PointImportReport imported;
+    imported_points_ = ImportPoints(options_.points_path, ModelOfPlan(), &imported);
+    // Threads find their entries, they add none.
+    for (size_t i = 0; i < plan_.images.size(); ++i) imported_points_[static_cast<image_t>(i + 1)];
+    LogInfo("Imported {} points of {} images; {} images are not in the files and have none",
+            imported.num_points, imported.num_images, imported.num_images_without);
+  }
+
   Found Find(size_t i) {
     const PlannedImage& planned = plan_.images[i];
     Found found;
@@ -123,10 +134,17 @@ class Extractor {
     const bool wants_points = !found->report.points_kept;
     const bool wants_structure = options_.structure && !task.has_vps;
     found->report.structure_kept = options_.structure && task.has_vps;
-    if (wants_points || (wants_structure && !task.has_features)) {
+    const bool wants_sift = wants_points && options_.points_path.empty();
+    if (wants_points && !wants_sift) {
+      // An image that the files do not have has no points.
+      ImportedPoints& imported = imported_points_.at(static_cast<image_t>(i + 1));
+      found->points = {std::move(imported.keypoints), std::move(imported.descriptors)};
+      found->report.num_keypoints = found->points->keypoints.size();
+    }
+    if (wants_sift || (wants_structure && !task.has_features)) {
       const GreyImage photograph = ReadPhotograph(planned, &found->report);
       const std::optional<GreyImage> mask = MaskOfTask(task);
-      if (wants_points) {
+      if (wants_sift) {
         found->points = DetectSift(options_.sift, photograph, mask ? &*mask : nullptr,
                                    90.0 * QuarterTurnsToUpright(planned.header.exif));
         found->report.num_keypoints = found->points->keypoints.size();
@@ -294,6 +312,7 @@ class Extractor {
   std::vector<Camera> straight_cameras_;  // of the plan's cameras
   std::optional<GreyImage> camera_mask_;
   std::map<image_t, ImportedSegments> imported_;  // by the ids of ModelOfPlan
+  std::map<image_t, ImportedPoints> imported_points_;
   ExtractReport report_;
   std::atomic<bool> is_stopped_ = false;
   std::mutex mutex_;  // of the database and of what follows
@@ -316,14 +335,18 @@ void ExtractOptions::Describe(OptionTable* table) const {
   table->Section("Extraction");
   table
       ->Field("structure", &structure,
-              "Whether segments, corners and vanishing points are looked for, too.")
+              "Whether structure is looked for, too: segments, corners, vanishing points.")
       .Basic();
   table
-      ->Field("num_threads", &num_threads, AtLeast(-1),
-              "Photographs that are worked on at a time; -1: one per hardware thread. The result "
-              "does not depend on it.")
+      ->Field(
+          "num_threads", &num_threads, AtLeast(-1),
+          "Photographs that are worked on at a time (-1 for one per hardware thread). The result "
+          "does not depend on it.")
       .Basic();
   imports.Describe(table);
+  table->Field("points_path", &points_path,
+               "Key points and descriptors as hloc writes them (HDF5, npz, npy), used instead of "
+               "SIFT.");
   segment_import.Describe(table);
   region_normals.Describe(table);
   extraction.Describe(table);

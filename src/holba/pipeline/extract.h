@@ -25,6 +25,8 @@ struct ExtractOptions {
   // Segments, corners, vanishing points and imported regions, as `refine` looks for them.
   bool structure = true;
   ImportPaths imports;
+  // Key points and descriptors of another program (import_points.h), instead of SIFT; empty: SIFT.
+  std::string points_path;
   SegmentImportOptions segment_import;
   RegionNormalOptions region_normals;
   ExtractionOptions extraction;

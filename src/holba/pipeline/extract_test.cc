@@ -5,6 +5,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cstring>
+
 #include "holba/base/error.h"
 #include "holba/frontend/photographs/exif_testing.h"
 #include "holba/pipeline/pipeline_testing.h"
@@ -283,6 +285,43 @@ TEST_F(Extract, ExifSaysCamerasFocalLengthsAndWhereThePhotographerStood) {
   EXPECT_EQ(prior.system, PosePrior::System::kWgs84);
   EXPECT_EQ(prior.gravity_in_cam, Eigen::Vector3d(-1, 0, 0));
   EXPECT_FALSE(database.ReadPosePrior(2));
+}
+
+// As numpy writes an array.
+std::string Npy(const std::string& shape, const std::vector<float>& values) {
+  std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': " + shape + ", }";
+  header.resize(117, ' ');
+  header += '\n';
+  std::string bytes("\x93NUMPY\x01\x00", 8);
+  bytes += static_cast<char>(header.size());
+  bytes += '\0';
+  bytes += header;
+  bytes.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float));
+  return bytes;
+}
+
+TEST_F(Extract, TakesThePointsOfHlocInsteadOfSift) {
+  Write("points/3.png/keypoints.npy", Npy("(2, 2)", {10, 20, 30.5, 40}));
+  // Column by column: three values for each key point.
+  Write("points/3.png/descriptors.npy", Npy("(3, 2)", {1, 4, 2, 5, 3, 6}));
+  Write("points/5.png/keypoints.npy", Npy("(1, 2)", {0, 179}));
+  options_.image_list_path = Write("list.txt", "3.png\n5.png\n8.png\n").string();
+  options_.points_path = (folder_ / "points").string();
+  const ExtractReport report = Run("a.db");
+  const Database database(DatabasePath("a.db"));
+  EXPECT_THAT(database.ReadKeypoints(1)->data, ElementsAre(10.5f, 20.5f, 31.0f, 40.5f));
+  const Descriptors descriptors = database.ReadDescriptors(1).value();
+  EXPECT_EQ(descriptors.type, -1);
+  EXPECT_EQ(descriptors.num_bytes, 12);
+  float values[6];
+  ASSERT_EQ(descriptors.data.size(), sizeof(values));
+  std::memcpy(values, descriptors.data.data(), sizeof(values));
+  EXPECT_THAT(values, ElementsAre(1, 2, 3, 4, 5, 6));
+  EXPECT_EQ(database.NumKeypoints(2), 1u);
+  EXPECT_EQ(database.NumKeypoints(3), 0u);
+  EXPECT_GE(report.images[2].num_segments, 24u);
+  Write("points/5.png/keypoints.npy", Npy("(1, 2)", {0, 1179}));
+  EXPECT_THAT(MessageOfRun("b.db"), HasSubstr("outside of the image of 240 x 180"));
 }
 
 TEST_F(Extract, EveryCameraModelHasParametersToStartFrom) {
