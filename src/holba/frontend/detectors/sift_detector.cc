@@ -5,30 +5,24 @@
 #include <cmath>
 #include <numbers>
 #include <opencv2/core.hpp>
-#include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "holba/base/check.h"
 #include "holba/frontend/detectors/sift_scale_space.h"
 #include "holba/frontend/photographs/opencv_threads.h"
 
 namespace holba {
 namespace {
 
-constexpr int kDescriptorSize = 128;
 // A descriptor reaches 10.6 times the scale of its key point around it, which is at most 2 pixels
 // in octave -1; the blurs before it reach another 10 pixels.
 constexpr int kMarginPx = 48;
 
-ScaleSpaceOptions ToScaleSpace(const SiftOptions& options) {
-  return {options.first_octave,   options.num_octaves,    options.octave_resolution,
-          options.peak_threshold, options.edge_threshold, options.max_num_orientations,
-          options.upright};
-}
-
-cv::Ptr<cv::SIFT> MakeSift(const SiftOptions& options) {
-  return cv::SIFT::create(0, options.octave_resolution, 0.02, 10.0, kScaleSpaceSigma);
+ScaleSpaceOptions ToScaleSpace(const SiftOptions& options, double upright_deg) {
+  return {options.first_octave,      options.num_octaves,
+          options.octave_resolution, options.peak_threshold,
+          options.edge_threshold,    options.max_num_orientations,
+          options.upright,           upright_deg * std::numbers::pi / 180.0};
 }
 
 // Points of octave -1: strip by strip, so that only a part of the image has four times its pixels.
@@ -50,11 +44,24 @@ void ForEachStrip(const cv::Mat& image, int max_part_pixels, const Function& fun
   }
 }
 
+size_t NumPlaces(const std::vector<ScaleSpacePoint>& points) {
+  return static_cast<size_t>(std::count_if(
+      points.begin(), points.end(), [](const ScaleSpacePoint& point) { return point.is_first; }));
+}
+
 std::vector<ScaleSpacePoint> FindPoints(const SiftOptions& options, const cv::Mat& image,
-                                        int max_part_pixels) {
-  std::vector<ScaleSpacePoint> points;
-  ScaleSpaceOptions scale_space = ToScaleSpace(options);
+                                        double upright_deg, int max_part_pixels) {
+  std::vector<ScaleSpacePoint> points, coarse;
+  const ScaleSpaceOptions scale_space = ToScaleSpace(options, upright_deg);
+  ScaleSpaceOptions of_coarse = scale_space;
   if (options.first_octave < 0) {
+    of_coarse.first_octave = 0;
+    --of_coarse.num_octaves;
+  }
+  if (of_coarse.num_octaves > 0) coarse = FindScaleSpacePoints(of_coarse, image);
+  // More than enough: the finest octave would be left out.
+  const bool has_enough = NumPlaces(coarse) > static_cast<size_t>(options.max_num_features);
+  if (options.first_octave < 0 && !has_enough) {
     ScaleSpaceOptions finest = scale_space;
     finest.num_octaves = 1;
     ForEachStrip(image, max_part_pixels,
@@ -67,13 +74,8 @@ std::vector<ScaleSpacePoint> FindPoints(const SiftOptions& options, const cv::Ma
     // Level by level, whatever the strips were.
     std::stable_sort(points.begin(), points.end(),
                      [](const auto& a, const auto& b) { return a.level < b.level; });
-    scale_space.first_octave = 0;
-    --scale_space.num_octaves;
   }
-  if (scale_space.num_octaves > 0) {
-    const std::vector<ScaleSpacePoint> coarse = FindScaleSpacePoints(scale_space, image);
-    points.insert(points.end(), coarse.begin(), coarse.end());
-  }
+  points.insert(points.end(), coarse.begin(), coarse.end());
   return points;
 }
 
@@ -92,39 +94,13 @@ void Limit(int max_num_features, std::vector<ScaleSpacePoint>* points) {
   points->erase(points->begin(), points->begin() + static_cast<std::ptrdiff_t>(first));
 }
 
-// Describes points of octave -1, or of octaves from 0 on: kDescriptorSize values for each, in
-// order.
-cv::Mat Describe(const SiftOptions& options, const cv::Mat& image, double upright_deg,
-                 const std::vector<ScaleSpacePoint>& points) {
-  std::vector<cv::KeyPoint> key_points;
-  for (const ScaleSpacePoint& point : points) {
-    // OpenCV makes octave -1 of an image of twice the size, in which it is off.
-    const Eigen::Vector2d offset_px =
-        point.octave < 0 ? SiftOffsetPx() : Eigen::Vector2d(Eigen::Vector2d::Zero());
-    const double angle_deg =
-        options.upright ? upright_deg : point.angle_rad * 180.0 / std::numbers::pi;
-    cv::KeyPoint key_point(static_cast<float>(point.x + offset_px.x()),
-                           static_cast<float>(point.y + offset_px.y()),
-                           static_cast<float>(2.0 * point.sigma_px), static_cast<float>(angle_deg));
-    key_point.octave = (point.octave & 255) | (point.level << 8);
-    key_points.push_back(key_point);
-  }
-  cv::Mat descriptors;
-  if (!key_points.empty()) MakeSift(options)->compute(image, key_points, descriptors);
-  HOLBA_CHECK_MSG(key_points.size() == points.size() &&
-                      descriptors.rows == static_cast<int>(points.size()) &&
-                      (points.empty() || descriptors.cols == kDescriptorSize),
-                  "SIFT describes every key point");
-  return descriptors;
-}
-
 void PutDescriptor(DescriptorNormalisation normalisation, const float* values, uint8_t* bytes) {
   double sum = 0.0, squares = 0.0;
-  for (int k = 0; k < kDescriptorSize; ++k) {
+  for (int k = 0; k < kSiftDescriptorSize; ++k) {
     sum += values[k];
     squares += static_cast<double>(values[k]) * values[k];
   }
-  for (int k = 0; k < kDescriptorSize; ++k) {
+  for (int k = 0; k < kSiftDescriptorSize; ++k) {
     const double value = normalisation == DescriptorNormalisation::kL1Root
                              ? std::sqrt(values[k] / std::max(sum, 1e-12))
                              : values[k] / std::sqrt(std::max(squares, 1e-12));
@@ -135,50 +111,23 @@ void PutDescriptor(DescriptorNormalisation normalisation, const float* values, u
 SiftFeatures DetectInScaledImage(const SiftOptions& options, const cv::Mat& image,
                                  double upright_deg, int max_part_pixels, double scale_x,
                                  double scale_y) {
-  std::vector<ScaleSpacePoint> points = FindPoints(options, image, max_part_pixels);
+  std::vector<ScaleSpacePoint> points = FindPoints(options, image, upright_deg, max_part_pixels);
   Limit(options.max_num_features, &points);
   SiftFeatures features;
   features.keypoints.num_cols = 6;
   features.keypoints.data.reserve(6 * points.size());
+  features.descriptors.data.resize(kSiftDescriptorSize * points.size());
+  uint8_t* bytes = features.descriptors.data.data();
   for (const ScaleSpacePoint& point : points) {
-    const double angle_rad =
-        options.upright ? upright_deg * std::numbers::pi / 180.0 : point.angle_rad;
-    const double c = point.sigma_px * std::cos(angle_rad);
-    const double s = point.sigma_px * std::sin(angle_rad);
+    const double c = point.sigma_px * std::cos(point.angle_rad);
+    const double s = point.sigma_px * std::sin(point.angle_rad);
     for (const double value : {scale_x * (point.x + 0.5), scale_y * (point.y + 0.5), scale_x * c,
                                -scale_y * s, scale_x * s, scale_y * c}) {
       features.keypoints.data.push_back(static_cast<float>(value));
     }
+    PutDescriptor(options.normalisation, point.descriptor.data(), bytes);
+    bytes += kSiftDescriptorSize;
   }
-
-  const auto coarse = std::find_if(points.begin(), points.end(),
-                                   [](const ScaleSpacePoint& point) { return point.octave >= 0; });
-  const auto num_fine = static_cast<size_t>(coarse - points.begin());
-  std::vector<uint8_t>& bytes = features.descriptors.data;
-  bytes.resize(kDescriptorSize * points.size());
-  const auto put = [&](const cv::Mat& descriptors, int row, size_t idx) {
-    PutDescriptor(options.normalisation, descriptors.ptr<float>(row),
-                  bytes.data() + kDescriptorSize * idx);
-  };
-  if (num_fine > 0) {
-    ForEachStrip(image, max_part_pixels,
-                 [&](const cv::Mat& strip, int first_row, double begin, double end) {
-                   std::vector<ScaleSpacePoint> here;
-                   std::vector<size_t> idxs;
-                   for (size_t i = 0; i < num_fine; ++i) {
-                     if (!(points[i].y >= begin && points[i].y < end)) continue;
-                     here.push_back(points[i]);
-                     here.back().y -= first_row;
-                     idxs.push_back(i);
-                   }
-                   const cv::Mat descriptors = Describe(options, strip, upright_deg, here);
-                   for (size_t k = 0; k < idxs.size(); ++k)
-                     put(descriptors, static_cast<int>(k), idxs[k]);
-                 });
-  }
-  const cv::Mat descriptors =
-      Describe(options, image, upright_deg, std::vector<ScaleSpacePoint>(coarse, points.end()));
-  for (int k = 0; k < descriptors.rows; ++k) put(descriptors, k, num_fine + static_cast<size_t>(k));
   return features;
 }
 
@@ -211,66 +160,15 @@ void KeepUnmasked(const GreyImage& mask, SiftFeatures* features) {
   for (size_t i = 0; i < keypoints.size(); ++i) {
     if (!IsUnmasked(mask, keypoints.Position(i))) continue;
     std::copy_n(keypoints.data.begin() + 6 * i, 6, keypoints.data.begin() + 6 * num_kept);
-    std::copy_n(bytes.begin() + kDescriptorSize * i, kDescriptorSize,
-                bytes.begin() + kDescriptorSize * num_kept);
+    std::copy_n(bytes.begin() + kSiftDescriptorSize * i, kSiftDescriptorSize,
+                bytes.begin() + kSiftDescriptorSize * num_kept);
     ++num_kept;
   }
   keypoints.data.resize(6 * num_kept);
-  bytes.resize(kDescriptorSize * num_kept);
-}
-
-// Blobs of several sizes at places of all fractions of a pixel, far enough from each other; the
-// mean offset of the key points of their size.
-Eigen::Vector2d MeasureOffset() {
-  constexpr int kNumColumns = 8, kNumRows = 4, kCellPx = 48;
-  // Of octaves -1 and 0: in later ones places would have to be spread over several pixels.
-  constexpr double kSizesPx[kNumRows] = {1.3, 1.5, 2.2, 2.6};
-  cv::Mat image(kNumRows * kCellPx, kNumColumns * kCellPx, CV_32FC1, cv::Scalar(40.0));
-  std::vector<Eigen::Vector2d> centres;
-  for (int row = 0; row < kNumRows; ++row) {
-    for (int column = 0; column < kNumColumns; ++column) {
-      // From the corner of the first pixel; the fractions are those of a lattice.
-      const double fx = (column + 0.5) / kNumColumns;
-      const double fy = ((3 * column + 5 * row) % kNumColumns + 0.5) / kNumColumns;
-      centres.emplace_back(kCellPx * (column + 0.5) + fx - 0.5, kCellPx * (row + 0.5) + fy - 0.5);
-      const double factor = -0.5 / (kSizesPx[row] * kSizesPx[row]);
-      for (int y = row * kCellPx; y < (row + 1) * kCellPx; ++y) {
-        for (int x = column * kCellPx; x < (column + 1) * kCellPx; ++x) {
-          const Eigen::Vector2d d = Eigen::Vector2d(x + 0.5, y + 0.5) - centres.back();
-          image.at<float>(y, x) += static_cast<float>(180.0 * std::exp(factor * d.squaredNorm()));
-        }
-      }
-    }
-  }
-  cv::Mat bytes;
-  image.convertTo(bytes, CV_8U);
-  std::vector<cv::KeyPoint> points;
-  MakeSift({})->detect(bytes, points);
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  int count = 0;
-  for (size_t i = 0; i < centres.size(); ++i) {
-    const double sigma_px = kSizesPx[i / kNumColumns];
-    const cv::KeyPoint* best = nullptr;
-    for (const cv::KeyPoint& point : points) {
-      const Eigen::Vector2d d = Eigen::Vector2d(point.pt.x + 0.5, point.pt.y + 0.5) - centres[i];
-      // A blob is found at about its own size.
-      if (d.norm() > 1.0 || std::abs(std::log(0.5 * point.size / sigma_px)) > 0.5) continue;
-      if (best == nullptr || point.response > best->response) best = &point;
-    }
-    if (best == nullptr) continue;
-    sum += Eigen::Vector2d(best->pt.x + 0.5, best->pt.y + 0.5) - centres[i];
-    ++count;
-  }
-  HOLBA_CHECK_MSG(count >= kNumColumns, "SIFT finds blobs");
-  return sum / count;
+  bytes.resize(kSiftDescriptorSize * num_kept);
 }
 
 }  // namespace
-
-const Eigen::Vector2d& SiftOffsetPx() {
-  static const Eigen::Vector2d offset = MeasureOffset();
-  return offset;
-}
 
 SiftFeatures DetectSift(const SiftOptions& options, const GreyImage& image, const GreyImage* mask,
                         double upright_deg) {

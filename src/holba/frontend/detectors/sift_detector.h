@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// SIFT (Lowe, Distinctive image features from scale-invariant keypoints, 2004), described by
-// OpenCV, with COLMAP's options, limits and conventions: key points with the centre of the first
-// pixel at 0.5, RootSIFT (Arandjelovic and Zisserman, 2012) in bytes, in the order of Lowe's
-// descriptor.
+// SIFT (Lowe, Distinctive image features from scale-invariant keypoints, 2004) with COLMAP's
+// options, limits and conventions: key points with the centre of the first pixel at 0.5, RootSIFT
+// (Arandjelovic and Zisserman, 2012) in bytes, in the order of Lowe's descriptor. Not OpenCV's
+// SIFT, which (4.6) has its key points a quarter of a pixel too far right and down, gives up a
+// tenth of them, and rounds descriptors before their roots are taken.
 #pragma once
 
 #include <Eigen/Core>
@@ -44,14 +45,8 @@ struct SiftFeatures {
 SiftFeatures DetectSift(const SiftOptions& options, const GreyImage& image,
                         const GreyImage* mask = nullptr, double upright_deg = 0.0);
 
-// Where this OpenCV's SIFT, which works on the image at twice its size, has what is in the middle
-// of a pixel: the mean offset, in pixels, of its key points from the centres of blobs whose place
-// is known (version 4.6 has it 0.25 pixels too far right and down, later ones can do without).
-// Measured once for the process.
-const Eigen::Vector2d& SiftOffsetPx();
-
-// For tests: images of more pixels than this have their octave -1 searched and described in strips,
-// which bounds the memory (about 160 bytes a pixel of a strip, 50 of the image).
+// For tests: images of more pixels than this have their octave -1 searched in strips, which
+// bounds the memory (about 160 bytes a pixel of a strip, 50 of the image).
 inline constexpr int kMaxSiftPartPixels = 2'500'000;
 SiftFeatures DetectSiftInParts(const SiftOptions& options, const GreyImage& image,
                                int max_part_pixels);

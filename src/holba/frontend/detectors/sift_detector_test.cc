@@ -9,6 +9,7 @@
 #include <set>
 
 #include "holba/frontend/detectors/segment_testing.h"
+#include "holba/frontend/detectors/sift_descriptor.h"
 
 namespace holba {
 namespace {
@@ -183,6 +184,29 @@ TEST(SiftDetector, ATurnedImageTurnsOrientationsAndKeepsDescriptors) {
   }
   EXPECT_GT(num_same, 30);
   EXPECT_GT(num_close, 0.9 * num_same);
+}
+
+TEST(SiftDescriptor, OfARampFillsTheDirectionOfItsGradientInEveryCell) {
+  cv::Mat ramp(81, 81, CV_32FC1);
+  for (int y = 0; y < ramp.rows; ++y) {
+    for (int x = 0; x < ramp.cols; ++x) ramp.at<float>(y, x) = 2.0f * static_cast<float>(x);
+  }
+  SiftDescriber describer;
+  // The gradient runs along x: against an axis that is turned by k eighths it is direction k.
+  for (int k = 0; k < 8; ++k) {
+    const SiftDescriptor values =
+        describer.Describe(ramp, 40.0, 40.0, 2.0, k * std::numbers::pi / 4.0);
+    for (int i = 0; i < kSiftDescriptorSize; ++i) {
+      if (i % 8 == k) {
+        EXPECT_GT(values[i], 0.02f);
+        EXPECT_NEAR(values[i], values[127 - i - 7 + 2 * k], 2e-3) << "the window is symmetric";
+      } else {
+        EXPECT_NEAR(values[i], 0.0f, 0.01f);
+      }
+    }
+  }
+  const SiftDescriptor none = describer.Describe(cv::Mat::ones(81, 81, CV_32FC1), 40, 40, 2, 0);
+  EXPECT_EQ(none, SiftDescriptor{});
 }
 
 TEST(SiftDetector, DescriptorsHaveNorm512AndFewFeaturesAreTheCoarseLevels) {

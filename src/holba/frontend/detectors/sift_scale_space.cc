@@ -170,12 +170,11 @@ class Octave {
     point.x = std::ldexp(at_x, octave);
     point.y = std::ldexp(at_y, octave);
     point.sigma_px = std::ldexp(sigma, octave);
-    if (options_.upright) {
-      points->push_back(point);
-      return;
-    }
-    for (const double angle_rad : Orientations(level, at_x, at_y, sigma)) {
+    const std::vector<double> angles = options_.upright ? std::vector<double>{options_.upright_rad}
+                                                        : Orientations(level, at_x, at_y, sigma);
+    for (const double angle_rad : angles) {
       point.angle_rad = angle_rad;
+      point.descriptor = describer_.Describe(gaussians_[level], at_x, at_y, sigma, angle_rad);
       points->push_back(point);
       point.is_first = false;
     }
@@ -272,6 +271,7 @@ class Octave {
   std::vector<cv::Mat> gaussians_;
   cv::Mat differences_[3];  // of level i and the next one: i % 3
   std::vector<float> dx_, dy_, weight_, angle_, magnitude_, weight_x_;
+  SiftDescriber describer_;
 };
 
 }  // namespace
