@@ -269,6 +269,8 @@ function(holba_install_package)
           FILES_MATCHING PATTERN "*.h" PATTERN fuzz EXCLUDE
           # Helpers of tests stay here.
           PATTERN "*_testing.h" EXCLUDE PATTERN test_scenes.h EXCLUDE
+          # Shows OpenCV to its users, which the package does not look for.
+          PATTERN sift_scale_space.h EXCLUDE PATTERN sift_descriptor.h EXCLUDE
           PATTERN test_models.h EXCLUDE PATTERN random_model.h EXCLUDE PATTERN camera_examples.h EXCLUDE)
   install(EXPORT holbaTargets NAMESPACE holba:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba)
   configure_package_config_file(

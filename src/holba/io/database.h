@@ -41,6 +41,16 @@ struct DatabaseImage {
   camera_t camera_id = kInvalidId32;
 };
 
+// What is known about a camera's pose before anything is computed (COLMAP 4's pose_priors).
+struct PosePrior {
+  enum class System { kUndefined = -1, kWgs84 = 0, kCartesian = 1 };
+  std::optional<Eigen::Vector3d> position;  // of the centre; WGS84: latitude, longitude, altitude
+  System system = System::kUndefined;
+  std::optional<Eigen::Vector3d> gravity_in_cam;  // unit, downwards
+
+  bool empty() const { return !position && !gravity_in_cam; }
+};
+
 struct ImageCorners {
   std::vector<Eigen::Vector2d> positions;
   std::vector<uint8_t> descriptors;  // kCornerDescriptorSize each; empty: not described
@@ -49,6 +59,28 @@ struct ImageCorners {
 struct ImageVanishingPoints {
   std::vector<ImageVanishingPoint> points;
   std::vector<int32_t> vp_of_segment;  // -1: none
+};
+
+// How much of everything a database holds; empty: there is no such row.
+struct DatabaseSummary {
+  struct OfImage {
+    image_t image_id = kInvalidId32;
+    std::string name;
+    camera_t camera_id = kInvalidId32;
+    std::optional<size_t> num_keypoints, num_descriptors;
+    std::optional<size_t> num_segments, num_corners, num_vanishing_points;
+    bool has_label_map = false;
+    bool has_pose_prior = false;
+  };
+  std::map<camera_t, DatabaseCamera> cameras;
+  std::vector<OfImage> images;  // by id
+  size_t num_rigs = 0, num_frames = 0, num_pose_priors = 0;
+  // Pairs: tried at all, with a match, and the matches of these.
+  size_t num_pairs_tried = 0, num_matched_pairs = 0, num_matches = 0;
+  // The same of two-view geometries, which are verified; how many of each configuration.
+  size_t num_verified_pairs = 0, num_inliers = 0;
+  std::map<TwoViewConfig, size_t> num_of_config;
+  size_t num_line_matched_pairs = 0, num_line_matches = 0;
 };
 
 // A camera in words, for the settings of what depends on it.
@@ -92,10 +124,16 @@ class Database {
   camera_t AddCamera(std::optional<camera_t> camera_id, const DatabaseCamera& camera);
   image_t AddImage(std::optional<image_t> image_id, const DatabaseImage& image);
 
+  // Of the image, whose camera this is. Databases of before COLMAP 3.12 take the position only, in
+  // their own columns.
+  void WritePosePrior(image_t image_id, camera_t camera_id, const PosePrior& prior);
+  std::optional<PosePrior> ReadPosePrior(image_t image_id) const;
+
   // Empty: there is no such row. A write replaces what was there.
   std::optional<Keypoints> ReadKeypoints(image_t image_id) const;
   std::optional<size_t> NumKeypoints(image_t image_id) const;
   void WriteKeypoints(image_t image_id, const Keypoints& keypoints);
+  bool HasDescriptors(image_t image_id) const;
   std::optional<Descriptors> ReadDescriptors(image_t image_id) const;
   void WriteDescriptors(image_t image_id, const Descriptors& descriptors);
 
@@ -150,6 +188,9 @@ class Database {
   // `names`: the database's name of images of the model that it has under another one.
   std::map<image_t, image_t> MatchImages(const Reconstruction& model,
                                          const std::map<std::string, std::string>& names = {});
+
+  // What is there, in numbers.
+  DatabaseSummary Summarise() const;
 
   // SQL without results, for what has no function here.
   void Execute(const std::string& sql);

@@ -179,6 +179,10 @@ void Database::WriteKeypoints(image_t image_id, const Keypoints& keypoints) {
       .Run();
 }
 
+bool Database::HasDescriptors(image_t image_id) const {
+  return NumRows("descriptors", image_id).has_value();
+}
+
 std::optional<Descriptors> Database::ReadDescriptors(image_t image_id) const {
   Statement row(*this,
                 fmt::format("SELECT rows, cols, data, {} FROM descriptors WHERE image_id = ?",

@@ -4,8 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
-#include <cmath>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -18,8 +16,8 @@
 #include "holba/base/words.h"
 #include "holba/frontend/importers/import_regions.h"
 #include "holba/frontend/photographs/photograph.h"
+#include "holba/pipeline/image_structure.h"
 #include "holba/pipeline/settings.h"
-#include "holba/scene/ideal_view.h"
 #include "holba/scene/name_pairing.h"
 
 namespace holba {
@@ -33,133 +31,24 @@ void AddCounts(const std::map<std::string, size_t>& counts, std::map<std::string
   for (const auto& [reason, count] : counts) (*sum)[reason] += count;
 }
 
-uint64_t HashOf(const ImportedSegments& imported) {
-  uint64_t hash =
-      HashBytes(imported.descriptors.data(), imported.descriptors.size() * sizeof(float));
-  for (const LineSegment2d& s : imported.segments) {
-    const double values[4] = {s.start.x(), s.start.y(), s.end.x(), s.end.y()};
-    hash = HashBytes(values, sizeof(values), hash);
-  }
-  return hash;
-}
-
-// A part of the settings that says which photograph features are of.
-std::string PhotographText(const fs::path& path) {
-  return fmt::format(" photograph={:016x}", HashFile(path));
-}
-
-struct ImageTask {
-  image_t image_id, database_id;
-  const Image* image;
-  const Camera* camera;
-  fs::path path;
-  const ImportedSegments* imported = nullptr;
-  std::string feature_settings, vp_settings;
-  bool has_features = false, has_vps = false;
-  ImageFeatures features;
-  fs::path mask;
+struct ImageTask : StructureTask {
+  const Image* image = nullptr;
   bool is_cut_off = false;
   std::optional<std::string> fault;  // why its photograph is left out
 };
 
-// Where COLMAP looks for it.
-fs::path MaskOf(const std::string& mask_path, const std::string& name) {
-  const fs::path folder = mask_path;
-  fs::path mask = folder / (name + ".png");
-  std::string extension = fs::path(name).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  if (!fs::exists(mask) && extension == ".png" && fs::exists(folder / name)) mask = folder / name;
-  return mask;
-}
-
-void ReadStored(const Database& database, ImageTask* task) {
-  ImageFeatures& f = task->features;
-  const std::string& settings = task->feature_settings;
-  auto segments = database.ReadSegments(task->database_id, settings);
-  auto descriptors = database.ReadSegmentDescriptors(task->database_id, settings);
-  auto corners = database.ReadCorners(task->database_id, settings);
-  if (!segments || !descriptors || !corners) return;
-  f.segments = std::move(*segments);
-  f.segment_descriptors = std::move(*descriptors);
-  f.corners = std::move(corners->positions);
-  f.corner_descriptors = std::move(corners->descriptors);
-  task->has_features = true;
-  if (auto vps = database.ReadVanishingPoints(task->database_id, task->vp_settings)) {
-    f.vanishing_points = std::move(vps->points);
-    f.vp_of_segment = std::move(vps->vp_of_segment);
-    task->has_vps = true;
-  }
-}
-
-// Throws InputError if it is not there, cannot be read, or has not the camera's size.
-GreyImage ReadOfSize(const fs::path& path, const Camera& camera, const char* what,
-                     const char* remedy) {
-  GreyImage image = ReadGreyImage(path);
-  if (static_cast<uint64_t>(image.width) != camera.width ||
-      static_cast<uint64_t>(image.height) != camera.height) {
-    throw InputError(
-        path, fmt::format("the {} has {} x {} pixels, its camera in the model {} x {}; {}", what,
-                          image.width, image.height, camera.width, camera.height, remedy));
-  }
-  return image;
-}
-
-GreyImage ReadMask(const fs::path& path, const Camera& camera) {
-  if (!fs::exists(path)) {
-    throw InputError(path,
-                     "there is no such mask; --mask_path must have one for each image NAME, "
-                     "NAME.png, white where features are wanted");
-  }
-  return ReadOfSize(path, camera, "mask", "it must have the size of its photograph");
-}
-
-void Detect(const DetectionOptions& options, const Reconstruction& model, ImageTask* task) {
-  ImageFeatures& f = task->features;
+void Detect(const DetectionOptions& options, ImageTask* task) {
+  std::optional<GreyImage> photograph, mask;
   if (!task->has_features) {
-    const GreyImage photograph =
-        ReadOfSize(task->path, *task->camera, "photograph",
-                   "--image_path must be the folder of the photographs that the model was made "
-                   "from");
-    task->is_cut_off = photograph.ends_early;
-    std::optional<GreyImage> mask;
-    if (!task->mask.empty()) mask = ReadMask(task->mask, *task->camera);
-    f = ExtractFeatures(options.extraction, photograph, *task->camera,
-                        task->imported ? &task->imported->segments : nullptr,
-                        mask ? &*mask : nullptr);
-    if (task->imported && !task->imported->descriptors.empty())
-      f.segment_descriptors = task->imported->descriptors;
+    const Camera& camera = *task->camera;
+    photograph = ReadPhotographOfSize(
+        task->path, camera.width, camera.height,
+        "--image_path must be the folder of the photographs that the model was made from");
+    task->is_cut_off = photograph->ends_early;
+    if (!task->mask.empty()) mask = ReadMask(task->mask, camera.width, camera.height);
   }
-  // A segment without ideal pixels runs to no vanishing point.
-  const IdealView view(model, task->image_id);
-  std::vector<LineSegment2d> ideal;
-  std::vector<size_t> idx_of_ideal;
-  for (size_t i = 0; i < f.segments.size(); ++i) {
-    if (const auto segment = view.ToIdeal(f.segments[i])) {
-      ideal.push_back(*segment);
-      idx_of_ideal.push_back(i);
-    }
-  }
-  VanishingPoints found = DetectVanishingPoints(options.vps, ideal, view.K());
-  f.vanishing_points = std::move(found.points);
-  f.vp_of_segment.assign(f.segments.size(), -1);
-  for (size_t i = 0; i < ideal.size(); ++i)
-    f.vp_of_segment[idx_of_ideal[i]] = found.vp_of_segment[i];
-}
-
-void Store(const ImageTask& task, Database* database) {
-  Database::Transaction transaction(database);
-  const ImageFeatures& f = task.features;
-  if (!task.has_features) {
-    database->WriteSegments(task.database_id, task.feature_settings, f.segments);
-    database->WriteSegmentDescriptors(task.database_id, task.feature_settings,
-                                      f.segment_descriptors);
-    database->WriteCorners(task.database_id, task.feature_settings,
-                           {f.corners, f.corner_descriptors});
-  }
-  database->WriteVanishingPoints(task.database_id, task.vp_settings,
-                                 {f.vanishing_points, f.vp_of_segment});
-  transaction.Commit();
+  DetectStructure(options.extraction, options.vps, photograph ? &*photograph : nullptr,
+                  mask ? &*mask : nullptr, task);
 }
 
 // Warnings name this many pictures, and count the others.
@@ -391,27 +280,21 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
   }
 
   std::vector<ImageTask> tasks;
-  const std::string vp_text = SettingsText("vanishing points 1", options.vps);
   for (const auto& [image_id, image] : model.images) {
-    ImageTask task{image_id, database_id.at(image_id), &image, &model.cameras.at(image.camera_id),
-                   image_path / image.name};
-    task.feature_settings = SettingsOf(options.extraction, *task.camera);
-    if (!options.imports.segments.empty()) {
-      // An image that the files do not have has no segments.
-      task.imported = &(*imported)[image_id];
-      task.feature_settings += fmt::format(" imported={:016x}", HashOf(*task.imported));
-    }
+    ImageTask task;
+    task.image_id = image_id;
+    task.database_id = database_id.at(image_id);
+    task.name = image.name;
+    task.image = &image;
+    task.camera = &model.cameras.at(image.camera_id);
+    task.path = image_path / image.name;
+    // An image that the files do not have has no segments.
+    if (!options.imports.segments.empty()) task.imported = &(*imported)[image_id];
     if (!options.mask_path.empty()) task.mask = MaskOf(options.mask_path, image.name);
     tasks.push_back(std::move(task));
   }
-  ParallelTasks(options.num_threads, tasks.size(), [&](size_t i) {
-    ImageTask& task = tasks[i];
-    if (!task.mask.empty())
-      task.feature_settings += fmt::format(" mask={:016x}", HashFile(task.mask));
-    task.feature_settings += PhotographText(task.path);
-    task.vp_settings =
-        fmt::format("{} of {} camera={}", vp_text, task.feature_settings, ToString(*task.camera));
-  });
+  ParallelTasks(options.num_threads, tasks.size(),
+                [&](size_t i) { AddSettings(options.extraction, options.vps, &tasks[i]); });
   for (ImageTask& task : tasks) ReadStored(*database, &task);
 
   std::vector<ImageTask*> open;
@@ -425,7 +308,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
     ParallelTasks(options.num_threads, count, [&](size_t i) {
       ImageTask& task = *open[begin + i];
       try {
-        Detect(options, model, &task);
+        Detect(options, &task);
       } catch (const InputError& error) {
         task.fault = error.what();
         task.features = {};
@@ -437,7 +320,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
       if (task.fault) {
         report->left_out.push_back({task.image_id, *task.fault});
       } else {
-        Store(task, database);
+        StoreStructure(task, database);
       }
       if (task.is_cut_off && !task.fault) report->cut_off.push_back(task.image->name);
     }

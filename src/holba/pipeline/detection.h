@@ -41,7 +41,7 @@ struct LeftOutPhotograph {
 
 struct DetectionOptions {
   // Folder of masks as COLMAP's --ImageReader.mask_path has them: for the image NAME the file
-  // NAME.png (or, of a PNG, NAME), with 0 where no features are. Empty: none.
+  // NAME.png (or NAME with the extension .png), with 0 where no features are. Empty: none.
   std::string mask_path;
   // Pictures that are to be left out are an InputError.
   bool strict = false;

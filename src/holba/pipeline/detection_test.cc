@@ -108,7 +108,7 @@ TEST_F(Detection, RefusesPhotographsOfAnotherSize) {
     Detect(&report);
     FAIL() << "the photographs have another size";
   } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("240 x 180 pixels, its camera in the model 300 x 180"));
+    EXPECT_THAT(error.what(), HasSubstr("240 x 180 pixels, its camera 300 x 180"));
   }
 }
 

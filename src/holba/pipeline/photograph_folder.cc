@@ -28,7 +28,8 @@ bool IsPhotograph(const fs::path& path) {
   return std::find(kExtensions.begin(), kExtensions.end(), extension) != kExtensions.end();
 }
 
-// Relative to the folder, in the order of their names.
+}  // namespace
+
 std::vector<std::string> FindPhotographs(const fs::path& folder) {
   std::vector<std::string> files;
   std::error_code error;  // what cannot be looked into holds nothing for us
@@ -42,8 +43,6 @@ std::vector<std::string> FindPhotographs(const fs::path& folder) {
   std::sort(files.begin(), files.end());
   return files;
 }
-
-}  // namespace
 
 PhotographFolder::PhotographFolder(fs::path folder, const Reconstruction& model)
     : folder_(std::move(folder)) {

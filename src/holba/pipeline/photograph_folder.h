@@ -7,10 +7,15 @@
 #include <map>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "holba/scene/reconstruction.h"
 
 namespace holba {
+
+// Files below a folder that are photographs by their extensions, relative to it with '/', in the
+// order of their names.
+std::vector<std::string> FindPhotographs(const std::filesystem::path& folder);
 
 class PhotographFolder {
  public:

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// holba inspect: what a database holds.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "apps/command.h"
+#include "holba/base/error.h"
+#include "holba/io/database.h"
+
+namespace holba {
+namespace {
+
+using nlohmann::json;
+
+std::string NameOf(TwoViewConfig config) {
+  switch (config) {
+    case TwoViewConfig::kUndefined:
+      return "undefined";
+    case TwoViewConfig::kDegenerate:
+      return "degenerate";
+    case TwoViewConfig::kCalibrated:
+      return "calibrated";
+    case TwoViewConfig::kUncalibrated:
+      return "uncalibrated";
+    case TwoViewConfig::kPlanar:
+      return "planar";
+    case TwoViewConfig::kPanoramic:
+      return "panoramic";
+    case TwoViewConfig::kPlanarOrPanoramic:
+      return "planar_or_panoramic";
+    case TwoViewConfig::kWatermark:
+      return "watermark";
+    case TwoViewConfig::kMultiple:
+      return "multiple";
+    case TwoViewConfig::kCalibratedRig:
+      return "calibrated_rig";
+  }
+  return "undefined";
+}
+
+std::string Count(const std::optional<size_t>& count) {
+  return count ? std::to_string(*count) : "-";
+}
+
+std::string ToText(const DatabaseSummary& summary) {
+  std::string text;
+  for (const auto& [camera_id, entry] : summary.cameras) {
+    const Camera& camera = entry.camera;
+    text += fmt::format("camera {}: {} {} x {}, {:.8g}{}\n", camera_id, camera.model->name,
+                        camera.width, camera.height, fmt::join(camera.params, ", "),
+                        entry.has_prior_focal_length ? " (focal length known)" : "");
+  }
+  size_t width = 5;
+  for (const auto& image : summary.images)
+    width = std::max(width, std::min<size_t>(image.name.size(), 60));
+  if (!summary.images.empty()) {
+    text += fmt::format("\n{:>7} {:<{}} {:>7} {:>7} {:>11} {:>9} {:>8} {:>4} {:>7} {:>6}\n", "id",
+                        "image", width, "camera", "points", "descriptors", "segments", "corners",
+                        "VPs", "regions", "prior");
+  }
+  size_t num_points = 0;
+  for (const auto& image : summary.images) {
+    num_points += image.num_keypoints.value_or(0);
+    text +=
+        fmt::format("{:>7} {:<{}} {:>7} {:>7} {:>11} {:>9} {:>8} {:>4} {:>7} {:>6}\n",
+                    image.image_id, image.name, width, image.camera_id, Count(image.num_keypoints),
+                    Count(image.num_descriptors), Count(image.num_segments),
+                    Count(image.num_corners), Count(image.num_vanishing_points),
+                    image.has_label_map ? "yes" : "-", image.has_pose_prior ? "yes" : "-");
+  }
+  text += fmt::format(
+      "\n{} images, {} cameras, {} rigs, {} frames, {} pose priors, {} points\n"
+      "{} pairs tried, {} with matches ({} matches)\n"
+      "{} verified pairs ({} inliers)",
+      summary.images.size(), summary.cameras.size(), summary.num_rigs, summary.num_frames,
+      summary.num_pose_priors, num_points, summary.num_pairs_tried, summary.num_matched_pairs,
+      summary.num_matches, summary.num_verified_pairs, summary.num_inliers);
+  for (const auto& [config, count] : summary.num_of_config)
+    text += fmt::format(", {} {}", count, NameOf(config));
+  text += fmt::format("\n{} pairs with line matches ({} matches)\n", summary.num_line_matched_pairs,
+                      summary.num_line_matches);
+  return text;
+}
+
+json ToJson(const DatabaseSummary& summary) {
+  const auto number = [](const std::optional<size_t>& count) {
+    return count ? json(*count) : json(nullptr);
+  };
+  json cameras = json::array(), images = json::array(), configs = json::object();
+  for (const auto& [camera_id, entry] : summary.cameras) {
+    cameras.push_back({{"camera_id", camera_id},
+                       {"model", entry.camera.model->name},
+                       {"width", entry.camera.width},
+                       {"height", entry.camera.height},
+                       {"params", entry.camera.params},
+                       {"has_prior_focal_length", entry.has_prior_focal_length}});
+  }
+  for (const auto& image : summary.images) {
+    images.push_back({{"image_id", image.image_id},
+                      {"name", image.name},
+                      {"camera_id", image.camera_id},
+                      {"points", number(image.num_keypoints)},
+                      {"descriptors", number(image.num_descriptors)},
+                      {"segments", number(image.num_segments)},
+                      {"corners", number(image.num_corners)},
+                      {"vanishing_points", number(image.num_vanishing_points)},
+                      {"label_map", image.has_label_map},
+                      {"pose_prior", image.has_pose_prior}});
+  }
+  for (const auto& [config, count] : summary.num_of_config) configs[NameOf(config)] = count;
+  return {{"cameras", cameras},
+          {"images", images},
+          {"rigs", summary.num_rigs},
+          {"frames", summary.num_frames},
+          {"pose_priors", summary.num_pose_priors},
+          {"pairs_tried", summary.num_pairs_tried},
+          {"matched_pairs", summary.num_matched_pairs},
+          {"matches", summary.num_matches},
+          {"verified_pairs", summary.num_verified_pairs},
+          {"inliers", summary.num_inliers},
+          {"configurations", configs},
+          {"line_matched_pairs", summary.num_line_matched_pairs},
+          {"line_matches", summary.num_line_matches}};
+}
+
+class InspectJob : public Job {
+ public:
+  void Describe(OptionTable* table) const override {
+    table->Field("database_path", &database_path_, "COLMAP database.").Required();
+  }
+
+  void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
+
+  void Run(const Invocation& invocation) override {
+    // A Database would make one.
+    if (!std::filesystem::is_regular_file(database_path_))
+      throw InputError(database_path_, "there is no such file (--database_path)");
+    const DatabaseSummary summary = Database(database_path_).Summarise();
+    PrintResult(invocation.json ? ToJson(summary).dump(2) + "\n" : ToText(summary));
+  }
+
+ private:
+  std::string database_path_;
+};
+
+}  // namespace
+
+Command InspectCommand() {
+  return {.name = "inspect",
+          .summary = "What a database holds: cameras, images, features, pairs",
+          .supports_json = true,
+          .make_job = [] { return std::make_unique<InspectJob>(); }};
+}
+
+}  // namespace holba

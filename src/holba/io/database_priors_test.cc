@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "holba/io/database.h"
+#include "holba/io/database_testing.h"
+
+namespace holba {
+namespace {
+
+class DatabasePriors : public ::testing::Test {
+ protected:
+  void SetUp() override { std::filesystem::remove(path_); }
+  void TearDown() override { std::filesystem::remove(path_); }
+
+  const std::filesystem::path path_ =
+      std::filesystem::path(::testing::TempDir()) / "holba_database_priors.db";
+};
+
+TEST_F(DatabasePriors, AreReadAsTheyWereWritten) {
+  Database database(path_);
+  AddImages(3, &database);
+  PosePrior full, gravity;
+  full.position = Eigen::Vector3d(47.376466666666669, 8.54, -12.5);
+  full.system = PosePrior::System::kWgs84;
+  full.gravity_in_cam = Eigen::Vector3d(0, -1, 0);
+  gravity.gravity_in_cam = Eigen::Vector3d(1, 0, 0);
+  database.WritePosePrior(1, 1, gravity);
+  database.WritePosePrior(1, 1, full);  // replaces
+  database.WritePosePrior(3, 1, gravity);
+  const PosePrior read = database.ReadPosePrior(1).value();
+  EXPECT_EQ(read.position, full.position);
+  EXPECT_EQ(read.system, full.system);
+  EXPECT_EQ(read.gravity_in_cam, full.gravity_in_cam);
+  EXPECT_FALSE(database.ReadPosePrior(2));
+  EXPECT_FALSE(database.ReadPosePrior(3)->position);
+  EXPECT_EQ(database.ReadPosePrior(3)->system, PosePrior::System::kUndefined);
+  EXPECT_EQ(database.Summarise().num_pose_priors, 2u);
+}
+
+TEST_F(DatabasePriors, ADatabaseWithoutTheirTableTakesNone) {
+  Database database(path_);
+  AddImages(1, &database);
+  database.Execute("DROP TABLE pose_priors");
+  PosePrior prior;
+  prior.position = Eigen::Vector3d(1, 2, 3);
+  database.WritePosePrior(1, 1, prior);
+  EXPECT_FALSE(database.ReadPosePrior(1));
+  EXPECT_EQ(database.Summarise().num_pose_priors, 0u);
+}
+
+TEST_F(DatabasePriors, ASummaryCountsWhatIsThere) {
+  Database database(path_);
+  AddImages(3, &database);
+  {
+    const DatabaseSummary empty = database.Summarise();
+    ASSERT_EQ(empty.images.size(), 3u);
+    EXPECT_FALSE(empty.images[0].num_keypoints);
+    EXPECT_FALSE(empty.images[0].num_segments);
+    EXPECT_EQ(empty.num_pairs_tried, 0u);
+  }
+  Keypoints keypoints;
+  keypoints.data = {1, 2, 3, 4, 5, 6};
+  for (const image_t id : {1u, 2u, 3u}) database.WriteKeypoints(id, keypoints);
+  database.WriteDescriptors(2, {0, 128, std::vector<uint8_t>(3 * 128, 9)});
+  const ImageFeatures features = RandomFeatures(1, 12);
+  WriteAll(2, "settings", features, &database);
+  database.WriteMatches(1, 2, {{0, 1}, {1, 2}});
+  database.WriteMatches(1, 3, {});
+  TwoViewGeometry geometry;
+  geometry.config = TwoViewConfig::kPlanar;
+  geometry.inlier_matches = {{0, 1}};
+  database.WriteTwoViewGeometry(1, 2, geometry);
+  database.WriteTwoViewGeometry(1, 3, {.config = TwoViewConfig::kDegenerate});
+  database.WriteSegments(1, "settings", features.segments);
+  database.WriteLineMatches(1, 2, "settings", {{0, 3, 0.5f}, {2, 2, 0.25f}});
+
+  const DatabaseSummary summary = database.Summarise();
+  EXPECT_EQ(summary.cameras.size(), 1u);
+  EXPECT_EQ(summary.num_frames, 3u);
+  EXPECT_EQ(summary.images[0].num_keypoints, 3u);
+  EXPECT_FALSE(summary.images[0].num_descriptors);
+  EXPECT_EQ(summary.images[1].num_descriptors, 3u);
+  EXPECT_EQ(summary.images[1].num_segments, 12u);
+  EXPECT_EQ(summary.images[1].num_corners, features.corners.size());
+  EXPECT_EQ(summary.images[1].num_vanishing_points, features.vanishing_points.size());
+  EXPECT_TRUE(summary.images[1].has_label_map);
+  EXPECT_FALSE(summary.images[2].num_segments);
+  EXPECT_EQ(summary.num_pairs_tried, 2u);
+  EXPECT_EQ(summary.num_matched_pairs, 1u);
+  EXPECT_EQ(summary.num_matches, 2u);
+  EXPECT_EQ(summary.num_verified_pairs, 1u);
+  EXPECT_EQ(summary.num_inliers, 1u);
+  EXPECT_EQ(summary.num_of_config.at(TwoViewConfig::kPlanar), 1u);
+  EXPECT_EQ(summary.num_of_config.at(TwoViewConfig::kDegenerate), 1u);
+  EXPECT_EQ(summary.num_line_matched_pairs, 1u);
+  EXPECT_EQ(summary.num_line_matches, 2u);
+}
+
+}  // namespace
+}  // namespace holba
