@@ -63,8 +63,20 @@ MatchedRays::MatchedRays(const Camera& camera1, std::span<const Eigen::Vector2d>
     SetEnd(0, row, end1->ray, end1->d_ray, end1->d_pixel);
     SetEnd(kColumnsOfEnd, row, end2->ray, end2->d_ray, end2->d_pixel);
     values_[kWeightColumn * stride_ + row] = 1.0;
+    // Rays are of unit length; of two columns of two ends.
+    angle_per_pixel_ += (end1->d_ray.norm() + end2->d_ray.norm()) / std::sqrt(8.0);
     original_.push_back(static_cast<uint32_t>(i));
   }
+  if (size() > 0) angle_per_pixel_ /= static_cast<double>(size());
+}
+
+MatchedRays MatchedRays::Counting(std::span<const uint8_t> flags) const {
+  HOLBA_CHECK(flags.size() == size());
+  MatchedRays counting = *this;
+  for (size_t i = 0; i < flags.size(); ++i) {
+    if (!flags[i]) counting.values_[kWeightColumn * stride_ + i] = 0.0;
+  }
+  return counting;
 }
 
 void MatchedRays::SetEnd(size_t column, size_t i, const Eigen::Vector3d& ray,

@@ -39,6 +39,11 @@ class MatchedRays {
   Eigen::Vector3d Ray1(size_t i) const { return Ray(0, i); }
   Eigen::Vector3d Ray2(size_t i) const { return Ray(kColumnsOfEnd, i); }
 
+  // The same matches, of which only those with a flag count in gains and fits.
+  MatchedRays Counting(std::span<const uint8_t> flags) const;
+  // Radians that a pixel is wide, on average over the matches.
+  double AnglePerPixel() const { return angle_per_pixel_; }
+
   MatchColumns Columns() const { return {values_.data(), stride_, stride_}; }
 
  private:
@@ -50,6 +55,7 @@ class MatchedRays {
               const Eigen::Matrix<double, 3, 2>& d_ray, const Eigen::Matrix<double, 2, 3>& d_pixel);
 
   std::vector<uint32_t> original_;
+  double angle_per_pixel_ = 0.0;
   size_t stride_ = 0;           // size() up to whole packs
   std::vector<double> values_;  // column by column
 };

@@ -102,6 +102,22 @@ std::optional<RayMeeting> MeetRays(const Rigid3d& cam2_from_cam1, const Eigen::V
                     .angle_deg = RadToDeg(std::atan2(std::sqrt(squared_sine), cosine))};
 }
 
+std::vector<uint8_t> AreInFront(const Rigid3d& cam2_from_cam1, const MatchedRays& matches,
+                                double max_error_px) {
+  const Eigen::Matrix3d R = cam2_from_cam1.RotationMatrix();
+  const Eigen::Vector3d& t = cam2_from_cam1.translation;
+  const double max_angle = max_error_px * matches.AnglePerPixel();
+  std::vector<uint8_t> in_front(matches.size());
+  for (size_t i = 0; i < matches.size(); ++i) {
+    // d1 R r1 + t = d2 r2; the depths d by the cross product with the other ray.
+    const Eigen::Vector3d r1 = R * matches.Ray1(i), r2 = matches.Ray2(i);
+    const Eigen::Vector3d normal = r1.cross(r2);
+    const bool are_parallel = normal.squaredNorm() <= max_angle * max_angle && r1.dot(r2) > 0.0;
+    in_front[i] = are_parallel || (r2.cross(t).dot(normal) > 0.0 && r1.cross(t).dot(normal) > 0.0);
+  }
+  return in_front;
+}
+
 std::optional<ChosenPose> ChoosePose(const std::vector<Rigid3d>& poses, const MatchedRays& matches,
                                      std::span<const uint32_t> subset) {
   std::optional<ChosenPose> best;

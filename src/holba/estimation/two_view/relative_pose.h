@@ -32,6 +32,12 @@ struct RayMeeting {
 std::optional<RayMeeting> MeetRays(const Rigid3d& cam2_from_cam1, const Eigen::Vector3d& ray1,
                                    const Eigen::Vector3d& ray2);
 
+// Whether a pose can explain each match: the rays meet in front of both cameras, or are parallel
+// within `max_error_px`, so that on which side they meet means nothing. Says nothing of their
+// distance.
+std::vector<uint8_t> AreInFront(const Rigid3d& cam2_from_cam1, const MatchedRays& matches,
+                                double max_error_px);
+
 struct ChosenPose {
   Rigid3d cam2_from_cam1;
   size_t num_in_front = 0;        // matches that meet in front of both cameras

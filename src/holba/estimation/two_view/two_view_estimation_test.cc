@@ -153,7 +153,7 @@ TEST(EstimateTwoView, ForwardMotionIsFound) {
 
 TEST(EstimateTwoView, WrongMatchesAloneAreDegenerate) {
   for (uint64_t seed = 0; seed < 5; ++seed) {
-    const TestPair pair = MakeTestPair({.num_right = 0, .num_wrong = 60, .seed = seed});
+    const TestPair pair = MakeTestPair({.num_right = 0, .num_wrong = 40, .seed = seed});
     const TwoViewResult result = Estimate(pair);
     EXPECT_EQ(result.geometry.config, TwoViewConfig::kDegenerate);
     EXPECT_EQ(result.failure, TwoViewFailure::kFewInliers);
@@ -314,7 +314,7 @@ TEST_P(EveryKind, RefinementNeverLowersTheGain) {
     const auto fit = FitTwoView(GetParam(), rays, options);
     if (!fit) continue;
     const RefinedModel again = RefineModel(GetParam(), fit->model, rays, 4.0, 50);
-    EXPECT_GE(again.gain, fit->gain);
+    EXPECT_GE(again.gain, GainOf(GetParam(), fit->model, rays, 4.0));
     EXPECT_NEAR(again.gain, GainOf(GetParam(), again.model, rays, 4.0), 1e-6);
     EXPECT_NEAR(again.model.norm(), 1.0, 1e-12);
   }

@@ -7,6 +7,7 @@
 
 #include "holba/base/random.h"
 #include "holba/estimation/two_view/minimal_solvers.h"
+#include "holba/estimation/two_view/relative_pose.h"
 #include "holba/robust/group_fit.h"
 
 namespace holba {
@@ -14,7 +15,7 @@ namespace {
 
 constexpr int kMaxSampleSize = 7;
 // Iterations of a local optimisation, and of the last one.
-constexpr int kLocalIterations = 6;
+constexpr int kLocalIterations = 15;
 constexpr int kFinalIterations = 30;
 // After so many samples PROSAC's are those of RANSAC (T_N of the publication).
 constexpr double kProsacSamples = 200000.0;
@@ -25,7 +26,9 @@ constexpr double kChanceAgreement = 0.1;
 constexpr size_t kMinSubset = 20;
 // What is counted as an error of the noise sigma goes up to so many sigma, and to no less than what
 // keypoints are at best located to.
-constexpr double kNumSigma = 4.0;
+constexpr double kNumSigma = 3.0;
+// The gain's R in units of the largest error of an inlier.
+constexpr double kGainLimit = 1.4142135623730951;
 constexpr double kMinLimitPx = 0.1;
 
 // Which matches a sample is made of. PROSAC's growth function: the subset of the n best grows so
@@ -86,7 +89,11 @@ class Sampler {
 class Search {
  public:
   Search(TwoViewKind kind, const MatchedRays& matches, const TwoViewRansacOptions& options)
-      : kind_{kind}, matches_{matches}, options_{options}, sample_size_{MinimalSize(kind)} {}
+      : kind_{kind},
+        matches_{matches},
+        options_{options},
+        sample_size_{MinimalSize(kind)},
+        limit_px_{kGainLimit * options.max_error_px} {}
 
   std::optional<TwoViewFit> Run(const Eigen::Matrix3d* start) {
     const auto size = static_cast<size_t>(sample_size_);
@@ -135,16 +142,40 @@ class Search {
   // Hypotheses compete with the best hypothesis, not with what was made of it: one that is better
   // may become better still.
   void Consider(const Eigen::Matrix3d& model, size_t subset) {
-    const double gain =
-        GainOf(kind_, model, matches_, options_.max_error_px, best_hypothesis_gain_);
+    double gain = GainOf(kind_, model, matches_, limit_px_, best_hypothesis_gain_);
+    if (!(gain > best_hypothesis_gain_)) return;
+    const MatchedRays* counted = Possible(model);
+    gain = GainOf(kind_, model, *counted, limit_px_);
     if (!(gain > best_hypothesis_gain_)) return;
     best_hypothesis_gain_ = gain;
-    const RefinedModel refined =
-        RefineModel(kind_, model, matches_, options_.max_error_px, kLocalIterations);
-    if (!(refined.gain > best_gain_)) return;
-    best_gain_ = refined.gain;
-    best_ = refined.model;
+    const Eigen::Matrix3d refined =
+        RefineModel(kind_, model, *counted, limit_px_, kLocalIterations).model;
+    const double refined_gain = GainOf(kind_, refined, *Possible(refined), limit_px_);
+    if (!(refined_gain > best_gain_)) return;
+    best_gain_ = refined_gain;
+    best_ = refined;
     needed_ = std::min(needed_, SamplesForBest(subset));
+  }
+
+  // The matches, of which those count that the model's best pose has in front of the cameras.
+  const MatchedRays* Possible(const Eigen::Matrix3d& model) {
+    in_front_.assign(matches_.size(), 1);
+    if (kind_ != TwoViewKind::kEssential) return &matches_;
+    ErrorsOf(kind_, model, matches_, &errors_);
+    double best = -1.0;
+    for (const Rigid3d& pose : PosesOfEssential(model)) {
+      std::vector<uint8_t> flags = AreInFront(pose, matches_, options_.max_error_px);
+      double gain = 0.0;
+      for (size_t i = 0; i < errors_.size(); ++i) {
+        const double left = 1.0 - errors_[i] / (limit_px_ * limit_px_);
+        if (left > 0.0 && flags[i]) gain += left * left;
+      }
+      if (!(gain > best)) continue;
+      best = gain;
+      in_front_ = std::move(flags);
+    }
+    possible_ = matches_.Counting(in_front_);
+    return &possible_;
   }
 
   // For all matches, and for those subsets of the best ones that hold all samples so far.
@@ -168,19 +199,21 @@ class Search {
     return needed;
   }
 
-  std::optional<TwoViewFit> Finish(int num_samples) const {
+  std::optional<TwoViewFit> Finish(int num_samples) {
     if (!(best_gain_ > 0.0)) return std::nullopt;
     TwoViewFit fit;
-    fit.model = RefineModel(kind_, best_, matches_, options_.max_error_px, kFinalIterations).model;
+    const MatchedRays* counted = Possible(best_);
+    fit.model = RefineModel(kind_, best_, *counted, limit_px_, kFinalIterations).model;
     for (int round = 0; round < 2; ++round) {
       fit.sigma_px = NoiseOf(fit.model);
-      const double limit_px = std::clamp(kNumSigma * fit.sigma_px, kMinLimitPx,
-                                         std::max(kMinLimitPx, options_.max_error_px));
-      fit.model = RefineModel(kind_, fit.model, matches_, limit_px, kFinalIterations).model;
+      const double limit_px = std::max(kNumSigma * fit.sigma_px, kMinLimitPx);
+      fit.model = RefineModel(kind_, fit.model, *counted, limit_px, kFinalIterations).model;
     }
-    fit.gain = GainOf(kind_, fit.model, matches_, options_.max_error_px);
+    counted = Possible(fit.model);
+    fit.gain = GainOf(kind_, fit.model, *counted, limit_px_);
     fit.num_samples = num_samples;
     fit.inliers = InliersOf(kind_, fit.model, matches_, options_.max_error_px);
+    std::erase_if(fit.inliers, [&](uint32_t i) { return !in_front_[i]; });
     if (fit.inliers.size() <= static_cast<size_t>(sample_size_)) return std::nullopt;
     return fit;
   }
@@ -190,9 +223,12 @@ class Search {
   double NoiseOf(const Eigen::Matrix3d& model) const {
     std::vector<double> errors;
     ErrorsOf(kind_, model, matches_, &errors);
-    std::erase_if(errors, [&](double squared) {
-      return squared > options_.max_error_px * options_.max_error_px;
-    });
+    const double limit = options_.max_error_px * options_.max_error_px;
+    size_t count = 0;
+    for (size_t i = 0; i < errors.size(); ++i) {
+      if (errors[i] <= limit && in_front_[i]) errors[count++] = errors[i];
+    }
+    errors.resize(count);
     if (errors.empty()) return options_.max_error_px;
     const auto middle = errors.begin() + errors.size() / 2;
     std::nth_element(errors.begin(), middle, errors.end());
@@ -203,7 +239,11 @@ class Search {
   const MatchedRays& matches_;
   const TwoViewRansacOptions& options_;
   int sample_size_;
+  double limit_px_;  // of the gain
   int needed_ = 0;
+  std::vector<double> errors_;
+  std::vector<uint8_t> in_front_;
+  MatchedRays possible_;
   double best_hypothesis_gain_ = 0.0, best_gain_ = 0.0;
   Eigen::Matrix3d best_ = Eigen::Matrix3d::Zero();
 };

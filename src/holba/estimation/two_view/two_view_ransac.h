@@ -5,7 +5,9 @@
 // threshold that tells right from wrong. A hypothesis is dropped as soon as what is left of the
 // matches cannot make it the best: exact, unlike tests of random matches. The best model is then
 // fitted with the noise that its own inliers show, so that what agrees with it by chance, a few
-// pixels off, does not pull at it.
+// pixels off, does not pull at it. Of an essential matrix only the matches count that its best pose
+// has in front of both cameras: of a plane there are two matrices for all matches, and mostly this
+// alone tells which is right.
 #pragma once
 
 #include <cstdint>
@@ -16,13 +18,14 @@
 namespace holba {
 
 struct TwoViewRansacOptions {
-  double max_error_px = 4.0;  // the R of the gain, and what counts as an inlier
+  // Of an inlier. The thresholds of the gain are about it: their squares up to twice its square.
+  double max_error_px = 4.0;
   // Samples are drawn until a right one has been among them with this probability, if the share of
   // right matches is that of the best model so far, and as many times more as `multiplier` says:
   // a sample of right matches with noise is not always a good one.
   double confidence = 0.999;
   double multiplier = 3.0;
-  int min_num_samples = 30;
+  int min_num_samples = 100;
   int max_num_samples = 10000;
   // Models with a smaller share of the matches are not looked for.
   double min_inlier_ratio = 0.25;
