@@ -109,7 +109,7 @@ class Estimation {
     if (is_calibrated_) E_ = Fit(TwoViewKind::kEssential, ransac_);
     TwoViewRansacOptions of_F = ransac_, of_H = ransac_;
     if (IsEnough(E_)) {
-      const double share = static_cast<double>(E_->inliers.size()) / rays_.size();
+      const double share = static_cast<double>(E_->num_near) / rays_.size();
       of_F.min_inlier_ratio =
           std::clamp(share / options_.min_E_F_inlier_ratio, ransac_.min_inlier_ratio, 1.0);
       of_F.multiplier = 1.0;
@@ -139,8 +139,9 @@ class Estimation {
       return H_->inliers.size() > fit.inliers.size() ? &*H_ : &fit;
     };
     TwoViewConfig& config = result_.geometry.config;
+    // A fundamental matrix does not know which side is behind a camera.
     if (IsEnough(E_) &&
-        result_.num_inliers_E > options_.min_E_F_inlier_ratio * result_.num_inliers_F) {
+        static_cast<double>(E_->num_near) > options_.min_E_F_inlier_ratio * result_.num_inliers_F) {
       const bool planar = is_planar(static_cast<double>(result_.num_inliers_E));
       config = planar ? TwoViewConfig::kPlanarOrPanoramic : TwoViewConfig::kCalibrated;
       return planar ? larger(*E_) : &*E_;

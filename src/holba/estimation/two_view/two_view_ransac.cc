@@ -213,6 +213,7 @@ class Search {
     fit.gain = GainOf(kind_, fit.model, *counted, limit_px_);
     fit.num_samples = num_samples;
     fit.inliers = InliersOf(kind_, fit.model, matches_, options_.max_error_px);
+    fit.num_near = fit.inliers.size();
     std::erase_if(fit.inliers, [&](uint32_t i) { return !in_front_[i]; });
     if (fit.inliers.size() <= static_cast<size_t>(sample_size_)) return std::nullopt;
     return fit;

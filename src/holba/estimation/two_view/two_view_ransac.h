@@ -37,7 +37,9 @@ struct TwoViewFit {
   Eigen::Matrix3d model;
   double gain = 0.0;
   double sigma_px = 0.0;          // of the errors of the inliers
-  std::vector<uint32_t> inliers;  // within max_error_px, ascending
+  // Within max_error_px; of an essential matrix in front of both cameras. Ascending.
+  std::vector<uint32_t> inliers;
+  size_t num_near = 0;  // within max_error_px, on whatever side
   int num_samples = 0;
 };
 
