@@ -12,6 +12,7 @@
 #include "holba/base/log.h"
 #include "holba/base/timer.h"
 #include "holba/pipeline/match_points.h"
+#include "holba/pipeline/match_segments.h"
 #include "holba/pipeline/pair_lists.h"
 
 namespace holba {
@@ -19,7 +20,7 @@ namespace {
 
 constexpr double kSecondsBetweenMessages = 5.0;
 
-std::string ToText(const MatchPointsReport& report) {
+std::string ToText(const MatchPointsReport& report, const MatchSegmentsReport& segments) {
   std::string text = fmt::format(
       "{} pairs, {} of them matched before; {} verified with {} of {} matches; {:.1f} s\n",
       report.num_pairs, report.pairs_reused, report.num_verified, report.num_inliers,
@@ -30,10 +31,14 @@ std::string ToText(const MatchPointsReport& report) {
     text += fmt::format("  not verified, {}: {}\n", reason, count);
   for (const std::string& name : report.without_features)
     text += fmt::format("  without features: {}\n", name);
+  if (segments.num_pairs > 0) {
+    text += fmt::format("  segments of {} pairs: {} matches, {} of them mutual nearest ones\n",
+                        segments.num_pairs, segments.num_matches, segments.num_mutual);
+  }
   return text;
 }
 
-nlohmann::json ToJson(const MatchPointsReport& report) {
+nlohmann::json ToJson(const MatchPointsReport& report, const MatchSegmentsReport& segments) {
   nlohmann::json pairs = nlohmann::json::array();
   for (const MatchedPairReport& pair : report.pairs) {
     pairs.push_back({{"image_id1", pair.pair.first},
@@ -51,6 +56,12 @@ nlohmann::json ToJson(const MatchPointsReport& report) {
           {"configs", report.num_of_config},
           {"not_verified", report.dropped},
           {"without_features", report.without_features},
+          {"segments",
+           {{"pairs", segments.num_pairs},
+            {"pairs_reused", segments.pairs_reused},
+            {"matches", segments.num_matches},
+            {"mutual", segments.num_mutual},
+            {"seconds", segments.seconds}}},
           {"seconds",
            {{"total", report.seconds},
             {"match_cpu", report.match_cpu_seconds},
@@ -66,6 +77,7 @@ class MatchJob : public Job {
         .Required();
     pairs_.Describe(table);
     matching_.Describe(table);
+    segments_.Describe(table);
   }
 
   void ProbeOutputs(const Invocation&) const override {
@@ -94,13 +106,19 @@ class MatchJob : public Job {
       LogInfo("{} of {} pairs, {:.1f} pairs/s, {:.0f} s left", num_done, pairs.size(), rate,
               static_cast<double>(pairs.size() - num_done) / rate);
     });
-    PrintResult(invocation.json ? ToJson(report).dump(2) + "\n" : ToText(report));
+    // By the points that were verified.
+    MatchSegmentsReport segments;
+    if (!matching_.skip_geometric_verification)
+      segments = MatchSegmentsOfPairs(segments_, pairs, matching_.num_threads, &database);
+    PrintResult(invocation.json ? ToJson(report, segments).dump(2) + "\n"
+                                : ToText(report, segments));
   }
 
  private:
   std::string database_path_;
   PairListOptions pairs_;
   MatchPointsOptions matching_;
+  LineMatchingOptions segments_;
 };
 
 }  // namespace
@@ -113,7 +131,8 @@ Command MatchCommand() {
               "feature_extractor, hloc, ...),\n"
               "and puts matches and two-view geometries into it, as COLMAP's matchers do. Pairs "
               "that are there already stay as\n"
-              "they are: a run that was stopped goes on where it ended. Options have the names "
+              "they are: a run that was stopped goes on where it ended. Segments of holba are "
+              "matched by the points around them. Options have the names "
               "that COLMAP 4 gives them.",
           .supports_json = true,
           .make_job = [] { return std::make_unique<MatchJob>(); }};
