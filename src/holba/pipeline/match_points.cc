@@ -13,6 +13,7 @@
 #include "holba/base/error.h"
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
+#include "holba/estimation/two_view/relative_pose.h"
 #include "holba/frontend/matching/guided_matching.h"
 
 namespace holba {
@@ -100,13 +101,6 @@ double ThreadSeconds() {
   timespec time;
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-Eigen::Matrix3d CalibrationMatrix(const Camera& camera) {
-  const IdealCalibration c = camera.model->ideal_calibration(camera.params.data());
-  Eigen::Matrix3d K;
-  K << c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1;
-  return K;
 }
 
 // Of the described keypoints. The geometry of pairs that are not calibrated is of the pixels as

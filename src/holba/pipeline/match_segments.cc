@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <map>
 #include <optional>
@@ -12,6 +13,7 @@
 
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
+#include "holba/estimation/two_view/relative_pose.h"
 #include "holba/pipeline/settings.h"
 
 namespace holba {
@@ -21,7 +23,7 @@ namespace {
 constexpr size_t kGroupSize = 64;
 
 struct SegmentedImage {
-  std::string camera;  // in words
+  Camera camera;
   Keypoints keypoints;
   MatchableSegments segments;
 };
@@ -38,15 +40,25 @@ std::optional<SegmentedImage> ReadImage(const Database& database, image_t id,
   if (!segments || segments->empty() || !descriptors || !keypoints) return std::nullopt;
   features.segments = std::move(*segments);
   features.segment_descriptors = std::move(*descriptors);
-  return SegmentedImage{ToString(camera), std::move(*keypoints), MakeMatchable(features, camera)};
+  return SegmentedImage{camera, std::move(*keypoints), MakeMatchable(features, camera)};
 }
 
 struct PairTask {
   ImagePair pair;
   std::vector<SharedPoint> points;
+  std::optional<Eigen::Matrix3d> F;  // of ideal pixels
   std::string settings;
   std::vector<LineMatch> matches;
 };
+
+// Of a pair whose relative pose is known and moves.
+std::optional<Eigen::Matrix3d> FundamentalOf(const TwoViewGeometry& geometry, const Camera& camera1,
+                                             const Camera& camera2) {
+  if (!geometry.cam2_from_cam1 || geometry.cam2_from_cam1->translation.isZero(0.0))
+    return std::nullopt;
+  return CalibrationMatrix(camera2).inverse().transpose() *
+         EssentialMatrix(*geometry.cam2_from_cam1) * CalibrationMatrix(camera1).inverse();
+}
 
 void Count(const std::vector<LineMatch>& matches, MatchSegmentsReport* report) {
   report->num_matches += matches.size();
@@ -85,10 +97,12 @@ MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
                                  image2->second.keypoints.Position(idx2));
       }
       static_assert(sizeof(SharedPoint) == 4 * sizeof(double));
+      task.F = FundamentalOf(*geometry, image1->second.camera, image2->second.camera);
       task.settings =
-          fmt::format("{} points={:016x} cameras={}, {}", text,
+          fmt::format("{} geometry={:016x} points={:016x} cameras={}, {}", text,
+                      task.F ? HashBytes(task.F->data(), 9 * sizeof(double)) : kEmptyHash,
                       HashBytes(task.points.data(), task.points.size() * sizeof(SharedPoint)),
-                      image1->second.camera, image2->second.camera);
+                      ToString(image1->second.camera), ToString(image2->second.camera));
       if (const auto stored = database->ReadLineMatches(id1, id2, task.settings)) {
         ++report.pairs_reused;
         Count(*stored, &report);
@@ -99,7 +113,7 @@ MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
     ParallelTasks(num_threads, tasks.size(), [&](size_t i) {
       PairTask& task = tasks[i];
       task.matches = MatchSegments(options, images.at(task.pair.first).segments,
-                                   images.at(task.pair.second).segments, task.points, std::nullopt);
+                                   images.at(task.pair.second).segments, task.points, task.F);
     });
     if (tasks.empty()) continue;
     Database::Transaction transaction(database);

@@ -25,6 +25,13 @@ double MedianOf(std::vector<double>* values) {
 
 }  // namespace
 
+Eigen::Matrix3d CalibrationMatrix(const Camera& camera) {
+  const IdealCalibration c = camera.model->ideal_calibration(camera.params.data());
+  Eigen::Matrix3d K;
+  K << c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1;
+  return K;
+}
+
 Eigen::Matrix3d EssentialMatrix(const Rigid3d& cam2_from_cam1) {
   const double length = cam2_from_cam1.translation.norm();
   if (length == 0.0) return Eigen::Matrix3d::Zero();

@@ -13,6 +13,9 @@
 
 namespace holba {
 
+// K of a camera's ideal pixels.
+Eigen::Matrix3d CalibrationMatrix(const Camera& camera);
+
 // [t]x R of unit Frobenius norm, r2' E r1 = 0. Zero without a translation.
 Eigen::Matrix3d EssentialMatrix(const Rigid3d& cam2_from_cam1);
 

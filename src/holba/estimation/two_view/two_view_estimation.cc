@@ -19,13 +19,6 @@ namespace {
 // calibration is wrong, which shows in few samples or not at all.
 constexpr int kMaxSamplesOfCheck = 500;
 
-Eigen::Matrix3d CalibrationMatrix(const Camera& camera) {
-  const IdealCalibration c = camera.model->ideal_calibration(camera.params.data());
-  Eigen::Matrix3d K;
-  K << c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1;
-  return K;
-}
-
 Eigen::Matrix3d UnitNorm(const Eigen::Matrix3d& M) { return M / M.norm(); }
 
 // The rotation that takes the rays of the first image nearest to those of the second (Kabsch).
