@@ -9,6 +9,7 @@
 #include "apps/bench/local_bench.h"
 #include "apps/bench/solver_bench.h"
 #include "apps/bench/timing.h"
+#include "apps/bench/two_view_bench.h"
 #include "apps/bench/vp_detection.h"
 #include "apps/command.h"
 #include "holba/base/error.h"
@@ -16,7 +17,15 @@
 namespace holba {
 namespace {
 
-enum class Benchmark { kIterations, kWireframeForm, kAccuracy, kSolver, kLocal, kVpDetection };
+enum class Benchmark {
+  kIterations,
+  kWireframeForm,
+  kAccuracy,
+  kSolver,
+  kLocal,
+  kVpDetection,
+  kTwoView
+};
 enum class VisibilityChoice { kDefault, kRandom, kNear, kCluster, kBoth };
 enum class SchurChoice { kDense, kSparse, kBoth };
 
@@ -46,11 +55,12 @@ class BenchJob : public Job {
                    {"accuracy", Benchmark::kAccuracy},
                    {"solver", Benchmark::kSolver},
                    {"local", Benchmark::kLocal},
-                   {"vp_detection", Benchmark::kVpDetection}},
+                   {"vp_detection", Benchmark::kVpDetection},
+                   {"two_view", Benchmark::kTwoView}},
                   "Which benchmark (time per iteration of the four configurations; the same of the "
                   "2D and 3D form of the wireframe; errors against the truth; the native solver "
                   "against Ceres; a part of a model against the part alone; vanishing points in "
-                  "photographs against labelled ones).");
+                  "photographs against labelled ones; relative poses of pairs of views).");
     table->Field("num_images", &num_images_, AtLeast(10),
                  "Sizes of the scenes, by default 100,200,500,1000; wireframe_form: 100,200,500; "
                  "accuracy, which takes one: 100; local, which takes one: 2000.");
@@ -112,7 +122,8 @@ class BenchJob : public Job {
                   "How the reduced systems of the timed cases are solved.")
         .Advanced();
     table->Field("input_path", &input_path_,
-                 "BAL problems of the benchmark solver, as a list a,b,c of files.");
+                 "BAL problems of the benchmark solver, as a list a,b,c of files; pairs of the "
+                 "benchmark two_view, a file.");
     table->Field("problems", &problems_,
                  "Problems of the benchmark solver, as a list (bal and local, the files, and cuts "
                  "of them of 12 or 16 images; ring_N, sequence_N, collection_N, random_point_N, "
@@ -134,6 +145,7 @@ class BenchJob : public Job {
     bundle_.Describe(table);
     solver_.Describe(table);
     vanishing_points_.Describe(table);
+    two_view_.Describe(table);
   }
 
   void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
@@ -147,6 +159,8 @@ class BenchJob : public Job {
       RunLocal(invocation);
     } else if (benchmark_ == Benchmark::kVpDetection) {
       RunVpDetection(invocation);
+    } else if (benchmark_ == Benchmark::kTwoView) {
+      RunTwoView(invocation);
     } else {
       RunTiming(invocation);
     }
@@ -229,6 +243,16 @@ class BenchJob : public Job {
     Print(invocation, {VpDetectionTable(results)}, VpDetectionToJson(results));
   }
 
+  void RunTwoView(const Invocation& invocation) const {
+    if (input_path_.empty()) {
+      throw InputError(
+          "--input_path: the benchmark two_view needs a file of pairs; benchmark/two_view.py makes "
+          "them");
+    }
+    const auto results = EstimateRelativePoses(two_view_, ReadMatchedPairs(input_path_));
+    Print(invocation, {RelativePoseTable(results)}, RelativePosesToJson(results));
+  }
+
   void RunTiming(const Invocation& invocation) const {
     TimingOptions options;
     options.num_images = benchmark_ == Benchmark::kIterations ? Sizes({100, 200, 500, 1000})
@@ -282,6 +306,7 @@ class BenchJob : public Job {
   BundleOptions bundle_;
   SolverOptions solver_;
   VanishingPointOptions vanishing_points_;
+  TwoViewOptions two_view_;
 };
 
 }  // namespace
@@ -305,7 +330,8 @@ Command BenchCommand() {
           "of its own; all solvers run in turn, and the turns are repeated. Each runs --iterations "
           "iterations for the time of one, and at most 50 until the cost changes by less than 1e-9 "
           "of itself for the time to 1 % and 0.1 % above the least cost that any of them found. "
-          "Calls have at most 25 iterations and the tolerances of the options; each is of a problem "
+          "Calls have at most 25 iterations and the tolerances of the options; each is of a "
+          "problem "
           "that differs a little from the last one. Covariances are the native solver's, after "
           "--iterations iterations with the gauge fixed. Not run, and shown "
           "as skipped: dense systems above 6000 unknowns, factorised by Eigen above 3000. Times "
@@ -318,6 +344,8 @@ Command BenchCommand() {
           "directions that have a found one within 2, 5 and 10 degrees, found ones more than 5 "
           "degrees from every labelled one, and segments given to a direction within 5 degrees of "
           "their label's.\n\n"
+          "two_view: the essential matrix of each pair of --input_path, with the options "
+          "TwoViewGeometry, and the pose in it; processor time of one thread.\n\n"
           "What a benchmark compares, it sets itself: Bundle.config, and for times "
           "Bundle.wireframe_form, Solver.linear_solver, the tolerances and "
           "Solver.max_num_iterations. A point or line loss auto counts as Cauchy at its scale in "

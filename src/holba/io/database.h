@@ -51,6 +51,12 @@ struct PosePrior {
   bool empty() const { return !position && !gravity_in_cam; }
 };
 
+// Where an image was taken, by GPS or the like.
+struct PositionPrior {
+  Eigen::Vector3d position;  // latitude and longitude in degrees, altitude in metres; or Cartesian
+  bool is_wgs84 = false;
+};
+
 struct ImageCorners {
   std::vector<Eigen::Vector2d> positions;
   std::vector<uint8_t> descriptors;  // kCornerDescriptorSize each; empty: not described
@@ -118,6 +124,8 @@ class Database {
   std::map<camera_t, DatabaseCamera> ReadCameras() const;
   std::map<image_t, DatabaseImage> ReadImages() const;
   std::optional<image_t> FindImage(const std::string& name) const;
+  // Of images that have one, in whatever way the database's version of COLMAP stores them.
+  std::map<image_t, PositionPrior> ReadPositionPriors() const;
   // Adds it under this id, or (empty) under a new one. Returns the id. An image needs its camera,
   // and gets a trivial rig and frame if the database's other images have theirs (COLMAP 3.12 and
   // later).

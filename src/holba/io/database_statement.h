@@ -70,6 +70,7 @@ class Database::Statement {
   // Columns of the row, from 0.
   bool IsNull(int column) const { return sqlite3_column_type(statement_, column) == SQLITE_NULL; }
   int64_t GetInteger(int column) const { return sqlite3_column_int64(statement_, column); }
+  double GetDouble(int column) const { return sqlite3_column_double(statement_, column); }
   std::string GetText(int column) const {
     const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
     return text == nullptr ? std::string()
