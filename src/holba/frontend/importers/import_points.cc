@@ -115,15 +115,13 @@ std::map<image_t, ImportedPoints> ImportPoints(const std::filesystem::path& path
   report->num_images = result.size();
   report->num_images_without = model.images.size() - result.size();
   if (result.empty()) {
-    throw InputError(path, unknown.empty()
-                               ? std::string("holds no keypoints")
-                               : fmt::format("none of its {} images is in the folder: expected "
-                                             "names like '{}', found '{}'",
-                                             report->num_unknown_names, names.Example(), unknown));
+    if (unknown.empty())
+      throw InputError(path, "holds no keypoints; give a file of hloc's features with --Import.points_path");
+    throw names.NothingKnown(path, report->num_unknown_names, "image", unknown);
   }
   if (report->num_unknown_names > 0) {
-    LogWarning("{}: {} images are not in the folder and are left out, for example '{}'",
-               path.string(), report->num_unknown_names, unknown);
+    ImageNames::WarnOfUnknown(path, report->num_unknown_names,
+                              report->num_unknown_names + result.size(), "image", unknown);
   }
   return result;
 }
