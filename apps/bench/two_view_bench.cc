@@ -5,11 +5,12 @@
 
 #include <algorithm>
 #include <ctime>
-#include <fstream>
 #include <sstream>
 #include <string>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
+#include "holba/base/words.h"
 #include "holba/estimation/two_view/relative_pose.h"
 
 namespace holba {
@@ -38,8 +39,7 @@ RelativePoseResult Estimate(const TwoViewOptions& options, const MatchedPair& pa
 }  // namespace
 
 std::vector<MatchedPair> ReadMatchedPairs(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  if (!file) throw InputError(path, "cannot be read");
+  std::istringstream file(ReadFileBytes(path));
   std::vector<MatchedPair> pairs;
   size_t num_open = 0;
   std::string text;
@@ -68,7 +68,9 @@ std::vector<MatchedPair> ReadMatchedPairs(const std::filesystem::path& path) {
     pairs.push_back(std::move(pair));
   }
   if (num_open > 0)
-    throw InputError::AtLine(path, line, fmt::format("{} matches are missing", num_open));
+    throw InputError::AtLine(
+        path, line,
+        fmt::format("expected {} more, found the end of the file", Counted(num_open, "match")));
   return pairs;
 }
 

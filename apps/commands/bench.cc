@@ -246,8 +246,8 @@ class BenchJob : public Job {
   void RunTwoView(const Invocation& invocation) const {
     if (input_path_.empty()) {
       throw InputError(
-          "--input_path: the benchmark two_view needs a file of pairs; benchmark/two_view.py makes "
-          "them");
+          "--input_path: the benchmark two_view must have a file of pairs, as "
+          "benchmark/two_view.py makes them");
     }
     const auto results = EstimateRelativePoses(two_view_, ReadMatchedPairs(input_path_));
     Print(invocation, {RelativePoseTable(results)}, RelativePosesToJson(results));

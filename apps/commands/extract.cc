@@ -7,7 +7,7 @@
 
 #include "apps/command.h"
 #include "apps/extract/report.h"
-#include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/base/log.h"
 #include "holba/base/progress.h"
 #include "holba/frontend/photographs/opencv_threads.h"
@@ -34,7 +34,7 @@ class ExtractJob : public Job {
 
   void Run(const Invocation& invocation) override {
     if (!std::filesystem::is_directory(image_path_))
-      throw InputError(image_path_, "there is no such folder (--image_path)");
+      throw NoSuchFolder(image_path_, "--image_path");
     options_.Check();
     HoldOpenCvThreads();
     ExtractReport report;

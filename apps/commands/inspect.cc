@@ -9,7 +9,8 @@
 #include <string>
 
 #include "apps/command.h"
-#include "holba/base/error.h"
+#include "holba/base/file_faults.h"
+#include "holba/base/words.h"
 #include "holba/io/database.h"
 
 namespace holba {
@@ -74,16 +75,20 @@ std::string ToText(const DatabaseSummary& summary) {
                     image.has_label_map ? "yes" : "-", image.has_pose_prior ? "yes" : "-");
   }
   text += fmt::format(
-      "\n{} images, {} cameras, {} rigs, {} frames, {} pose priors, {} points\n"
-      "{} pairs tried, {} with matches ({} matches)\n"
-      "{} verified pairs ({} inliers)",
-      summary.images.size(), summary.cameras.size(), summary.num_rigs, summary.num_frames,
-      summary.num_pose_priors, num_points, summary.num_pairs_tried, summary.num_matched_pairs,
-      summary.num_matches, summary.num_verified_pairs, summary.num_inliers);
+      "\n{}, {}, {}, {}, {}, {}\n"
+      "{} tried, {} with matches ({})\n"
+      "{} ({})",
+      Counted(summary.images.size(), "image"), Counted(summary.cameras.size(), "camera"),
+      Counted(summary.num_rigs, "rig"), Counted(summary.num_frames, "frame"),
+      Counted(summary.num_pose_priors, "pose prior"), Counted(num_points, "point"),
+      Counted(summary.num_pairs_tried, "pair"), summary.num_matched_pairs,
+      Counted(summary.num_matches, "match"), Counted(summary.num_verified_pairs, "verified pair"),
+      Counted(summary.num_inliers, "inlier"));
   for (const auto& [config, count] : summary.num_of_config)
     text += fmt::format(", {} {}", count, NameOf(config));
-  text += fmt::format("\n{} pairs with line matches ({} matches)\n", summary.num_line_matched_pairs,
-                      summary.num_line_matches);
+  text +=
+      fmt::format("\n{} with line matches ({})\n", Counted(summary.num_line_matched_pairs, "pair"),
+                  Counted(summary.num_line_matches, "match"));
   return text;
 }
 
@@ -138,8 +143,8 @@ class InspectJob : public Job {
 
   void Run(const Invocation& invocation) override {
     // A Database would make one.
-    if (!std::filesystem::is_regular_file(database_path_))
-      throw InputError(database_path_, "there is no such file (--database_path)");
+    if (!std::filesystem::exists(database_path_)) throw NoSuchFile(database_path_);
+    if (!std::filesystem::is_regular_file(database_path_)) throw FileIsWanted(database_path_);
     const DatabaseSummary summary = Database(database_path_).Summarise();
     PrintResult(invocation.json ? ToJson(summary).dump(2) + "\n" : ToText(summary));
   }

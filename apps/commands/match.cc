@@ -9,8 +9,10 @@
 
 #include "apps/command.h"
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/base/log.h"
 #include "holba/base/timer.h"
+#include "holba/base/words.h"
 #include "holba/pipeline/match_points.h"
 #include "holba/pipeline/match_segments.h"
 #include "holba/pipeline/pair_lists.h"
@@ -21,10 +23,10 @@ namespace {
 constexpr double kSecondsBetweenMessages = 5.0;
 
 std::string ToText(const MatchPointsReport& report, const MatchSegmentsReport& segments) {
-  std::string text = fmt::format(
-      "{} pairs, {} of them matched before; {} verified with {} of {} matches; {:.1f} s\n",
-      report.num_pairs, report.pairs_reused, report.num_verified, report.num_inliers,
-      report.num_matches, report.seconds);
+  std::string text =
+      fmt::format("{}, {} of them matched before; {} verified with {} of {}; {:.1f} s\n",
+                  Counted(report.num_pairs, "pair"), report.pairs_reused, report.num_verified,
+                  report.num_inliers, Counted(report.num_matches, "match"), report.seconds);
   for (const auto& [config, count] : report.num_of_config)
     text += fmt::format("  {}: {}\n", config, count);
   for (const auto& [reason, count] : report.dropped)
@@ -32,8 +34,9 @@ std::string ToText(const MatchPointsReport& report, const MatchSegmentsReport& s
   for (const std::string& name : report.without_features)
     text += fmt::format("  without features: {}\n", name);
   if (segments.num_pairs > 0) {
-    text += fmt::format("  segments of {} pairs: {} matches, {} of them mutual nearest ones\n",
-                        segments.num_pairs, segments.num_matches, segments.num_mutual);
+    text += fmt::format("  segments of {}: {}, {} of them mutual nearest ones\n",
+                        Counted(segments.num_pairs, "pair"), Counted(segments.num_matches, "match"),
+                        segments.num_mutual);
   }
   return text;
 }
@@ -82,10 +85,12 @@ class MatchJob : public Job {
 
   void ProbeOutputs(const Invocation&) const override {
     // A database without features is of no use here, so that none is made.
-    if (!std::filesystem::is_regular_file(database_path_)) {
-      throw InputError(database_path_,
-                       "there is no such database (--database_path); extract features first");
+    if (!std::filesystem::exists(database_path_)) {
+      throw InputError(
+          database_path_,
+          "there is no such database; make it with 'holba extract', or check --database_path");
     }
+    if (!std::filesystem::is_regular_file(database_path_)) throw FileIsWanted(database_path_);
     ProbeDatabase(database_path_);
     ProbeResult();
   }
@@ -95,7 +100,8 @@ class MatchJob : public Job {
     matching_.max_images_in_memory = 2 * pairs_.block_size;
     Database database(database_path_);
     const std::vector<ImagePair> pairs = ListPairs(pairs_, database, matching_.num_threads);
-    LogInfo("{} pairs of {} images", pairs.size(), database.ReadImages().size());
+    LogInfo("{} of {}", Counted(pairs.size(), "pair"),
+            Counted(database.ReadImages().size(), "image"));
     const Timer timer;
     double next_message = kSecondsBetweenMessages;
     const MatchPointsReport report = MatchPoints(matching_, pairs, &database, [&](size_t num_done) {
@@ -103,8 +109,8 @@ class MatchJob : public Job {
       if (seconds < next_message || num_done == pairs.size()) return;
       next_message = seconds + kSecondsBetweenMessages;
       const double rate = static_cast<double>(num_done) / seconds;
-      LogInfo("{} of {} pairs, {:.1f} pairs/s, {:.0f} s left", num_done, pairs.size(), rate,
-              static_cast<double>(pairs.size() - num_done) / rate);
+      LogInfo("{} of {}, {:.1f} a second, {:.0f} s left", num_done, Counted(pairs.size(), "pair"),
+              rate, static_cast<double>(pairs.size() - num_done) / rate);
     });
     // By the points that were verified.
     MatchSegmentsReport segments;

@@ -50,6 +50,10 @@ class Extract(Case):
 
     def test_names_what_is_missing(self):
         self.assertIn("no such file", self.refuses("inspect", "--database_path", self.folder / "no"))
+        self.assertIn("make it with 'holba extract'",
+                      self.refuses("match", "--database_path", self.folder / "no"))
+        for command in ("inspect", "match"):
+            self.assertIn("expected a file", self.refuses(command, "--database_path", self.folder))
         self.assertFalse((self.folder / "no").exists())
         self.photographs = self.folder / "nowhere"
         self.assertIn("--image_path", self.refuses(*self.extract(self.folder / "a.db")))

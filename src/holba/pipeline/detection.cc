@@ -51,44 +51,6 @@ void Detect(const DetectionOptions& options, ImageTask* task) {
                   mask ? &*mask : nullptr, task);
 }
 
-// Warnings name this many pictures, and count the others.
-constexpr size_t kMaxNumNamed = 10;
-
-std::string AndMore(size_t num_all) {
-  return num_all > kMaxNumNamed ? fmt::format(" (and {} more)", num_all - kMaxNumNamed) : "";
-}
-
-// Says which pictures are left out; throws if that is not wanted, or if none is left.
-void HandleLeftOut(bool strict, const DetectionReport& report) {
-  if (!report.left_out.empty()) {
-    const LeftOutPhotograph& first = report.left_out.front();
-    if (strict || report.left_out.size() == report.num_images) {
-      throw InputError(report.num_images == 1
-                           ? first.reason
-                           : fmt::format("{} ({} of {} cannot be used)", first.reason,
-                                         report.left_out.size(),
-                                         Counted(report.num_images, "photograph")));
-    }
-    LogWarning(
-        "{} of {} {} left out (points seen there take part, nothing else is looked for; --strict 1 "
-        "stops instead):",
-        report.left_out.size(), Counted(report.num_images, "photograph"),
-        Agree(report.left_out.size(), "is", "are"));
-    for (size_t i = 0; i < std::min(kMaxNumNamed, report.left_out.size()); ++i)
-      LogWarning("  {}", report.left_out[i].reason);
-    if (report.left_out.size() > kMaxNumNamed)
-      LogWarning("  and {} more", report.left_out.size() - kMaxNumNamed);
-  }
-  if (!report.cut_off.empty()) {
-    std::string names;
-    for (size_t i = 0; i < std::min(kMaxNumNamed, report.cut_off.size()); ++i)
-      names += (i ? ", " : "") + report.cut_off[i];
-    LogWarning("{} {} too early, and what is missing is taken as grey; copy the files anew: {}{}",
-               Counted(report.cut_off.size(), "photograph"),
-               Agree(report.cut_off.size(), "ends", "end"), names, AndMore(report.cut_off.size()));
-  }
-}
-
 // Whether the first of the model's points2D are keypoints of the database, as they are for the
 // database that the model was made from. Empty: there is nothing to compare.
 std::optional<bool> HasKeypointsOf(const Image& image, const Keypoints& keypoints) {
@@ -327,7 +289,9 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
     transaction.Commit();
     if (options.strict && !report->left_out.empty()) break;
   }
-  HandleLeftOut(options.strict, *report);
+  HandleLeftOut(options.strict, report->left_out, report->num_images,
+                "points seen there take part, nothing else is looked for");
+  WarnOfCutOff(report->cut_off);
 
   ImageFeatureMap features;
   for (ImageTask& task : tasks) {

@@ -13,6 +13,7 @@
 #include "holba/frontend/importers/import_dense_maps.h"
 #include "holba/frontend/importers/import_segments.h"
 #include "holba/io/database.h"
+#include "holba/pipeline/left_out.h"
 #include "holba/pipeline/photograph_folder.h"
 #include "holba/scene/image_features.h"
 #include "holba/scene/reconstruction.h"
@@ -31,12 +32,6 @@ struct ImportPaths {
   void Describe(OptionTable* table) const;
   // Throws InputError for what is not there, before anything is computed or written.
   void Check() const;
-};
-
-// A picture that cannot be read or does not fit its camera. Its image stays in the model.
-struct LeftOutPhotograph {
-  image_t image_id = kInvalidId32;
-  std::string reason;  // names the file
 };
 
 struct DetectionOptions {
@@ -62,7 +57,7 @@ struct DetectionReport {
   size_t images_reused = 0;  // all of it was in the database
   size_t num_segments = 0, num_corners = 0, num_vanishing_points = 0, num_labelled_regions = 0;
   std::map<std::string, size_t> dropped;  // of imports
-  std::vector<LeftOutPhotograph> left_out;
+  std::vector<LeftOutPhotograph> left_out;  // their images stay in the model
   std::vector<std::string> cut_off;  // names of images whose file ends early
   double detect_seconds = 0.0;
 };

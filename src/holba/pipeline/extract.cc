@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <atomic>
 #include <mutex>
 #include <utility>
@@ -12,10 +11,12 @@
 #include "holba/base/log.h"
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
+#include "holba/base/words.h"
 #include "holba/frontend/importers/import_points.h"
 #include "holba/frontend/importers/import_regions.h"
 #include "holba/frontend/photographs/photograph.h"
 #include "holba/pipeline/image_structure.h"
+#include "holba/pipeline/left_out.h"
 #include "holba/pipeline/settings.h"
 
 namespace holba {
@@ -89,8 +90,9 @@ class Extractor {
                                &imported);
     for (size_t i = 0; i < plan_.images.size(); ++i) imported_[static_cast<image_t>(i + 1)];
     for (const auto& [reason, count] : imported.dropped) report_.dropped[reason] += count;
-    LogInfo("Imported {} segments of {} images; {} images are not in the files",
-            imported.num_segments, imported.num_images, imported.num_images_without);
+    LogInfo("Imported {} of {}; {} {} not in the files", Counted(imported.num_segments, "segment"),
+            Counted(imported.num_images, "image"), Counted(imported.num_images_without, "other"),
+            Agree(imported.num_images_without, "is", "are"));
   }
 
   void ReadImportedPoints() {
@@ -98,8 +100,10 @@ class Extractor {
     imported_points_ = ImportPoints(options_.points_path, ModelOfPlan(), &imported);
     // Threads find their entries, they add none.
     for (size_t i = 0; i < plan_.images.size(); ++i) imported_points_[static_cast<image_t>(i + 1)];
-    LogInfo("Imported {} points of {} images; {} images are not in the files and have none",
-            imported.num_points, imported.num_images, imported.num_images_without);
+    LogInfo("Imported {} of {}; {} {} not in the files and without points",
+            Counted(imported.num_points, "point"), Counted(imported.num_images, "image"),
+            Counted(imported.num_images_without, "other"),
+            Agree(imported.num_images_without, "is", "are"));
   }
 
   Found Find(size_t i) {
@@ -250,38 +254,21 @@ class Extractor {
 
   // Says which photographs are left out; throws if that is not wanted, or if none is left.
   void Judge() {
-    std::vector<const ExtractReport::OfImage*> left_out;
-    size_t num_cut_off = 0, num_kept = 0;
+    std::vector<LeftOutPhotograph> left_out;
+    std::vector<std::string> cut_off;
+    size_t num_kept = 0;
     for (const ExtractReport::OfImage& image : report_.images) {
-      if (image.fault) left_out.push_back(&image);
-      num_cut_off += image.is_cut_off;
+      if (image.fault) left_out.push_back({kInvalidId32, *image.fault});
+      if (image.is_cut_off) cut_off.push_back(image.name);
       num_kept += image.points_kept;
     }
-    if (!left_out.empty() && (options_.strict || left_out.size() == report_.images.size())) {
-      throw InputError(report_.images.size() == 1
-                           ? *left_out[0]->fault
-                           : fmt::format("{} ({} of {} photographs cannot be used)",
-                                         *left_out[0]->fault, left_out.size(),
-                                         report_.images.size()));
-    }
-    constexpr size_t kMaxNumNamed = 10;
-    if (!left_out.empty()) {
-      LogWarning("{} of {} photographs are left out (--strict 1 stops instead):", left_out.size(),
-                 report_.images.size());
-      for (size_t k = 0; k < std::min(kMaxNumNamed, left_out.size()); ++k)
-        LogWarning("  {}", *left_out[k]->fault);
-      if (left_out.size() > kMaxNumNamed)
-        LogWarning("  and {} more", left_out.size() - kMaxNumNamed);
-    }
-    if (num_cut_off > 0) {
-      LogWarning("The files of {} photographs end too early, what they lack is taken as grey",
-                 num_cut_off);
-    }
+    HandleLeftOut(options_.strict, left_out, report_.images.size(), "");
+    WarnOfCutOff(cut_off);
     if (num_kept > 0) {
       LogInfo(
-          "{} images have key points in the database, which are kept (to make them anew, use "
-          "another database)",
-          num_kept);
+          "{} {} key points in the database, which are kept (to make them anew, use another "
+          "database)",
+          Counted(num_kept, "image"), Agree(num_kept, "has", "have"));
     }
   }
 
@@ -358,12 +345,13 @@ void ExtractOptions::Check() const {
   imports.Check();
   if (!structure && (!imports.segments.empty() || !imports.labels.empty())) {
     throw InputError(
-        "--Import.segments_path and --Import.labels_path need --Extraction.structure 1");
+        "--Import.segments_path and --Import.labels_path must go with --Extraction.structure 1, as "
+        "what they bring is structure");
   }
   if (!imports.line_matches.empty() || !imports.correspondences.empty()) {
     throw InputError(
-        "--Import.line_matches_path and --Import.correspondences_path are about pairs of images; "
-        "give them to `holba refine`");
+        "--Import.line_matches_path and --Import.correspondences_path say something about pairs of "
+        "images; give them to 'holba refine'");
   }
 }
 

@@ -183,14 +183,15 @@ TEST_F(Extract, ABadPictureIsNamedAndLeftOutOrStopsAStrictRun) {
   std::filesystem::resize_file(folder_ / "3.png", 200);
   std::filesystem::resize_file(folder_ / "5.png", 200);
   std::filesystem::resize_file(folder_ / "8.png", 200);
-  EXPECT_THAT(MessageOfRun("c.db"), HasSubstr("5 of 5 photographs cannot be used"));
+  EXPECT_THAT(MessageOfRun("c.db"), HasSubstr("(5 of 5 photographs cannot be used)"));
   EXPECT_TRUE(Database(DatabasePath("c.db")).ReadCameras().empty());
 }
 
 TEST_F(Extract, PhotographsOfOneCameraHaveOneSize) {
   WriteImage(ColourImage{20, 10, std::vector<uint8_t>(600, 90)}, folder_ / "9.png");
   const ExtractReport report = Run("a.db");
-  EXPECT_THAT(report.images[3].fault.value(), HasSubstr("20 x 10 pixels"));
+  EXPECT_THAT(report.images[3].fault.value(),
+              HasSubstr("expected 240 x 180 pixels, the size of its camera, found 20 x 10 pixels"));
   options_.reader.single_camera = false;
   const ExtractReport separate = Run("b.db");
   EXPECT_FALSE(separate.images[3].fault);
@@ -322,6 +323,10 @@ TEST_F(Extract, TakesThePointsOfHlocInsteadOfSift) {
   EXPECT_GE(report.images[2].num_segments, 24u);
   Write("points/5.png/keypoints.npy", Npy("(1, 2)", {0, 1179}));
   EXPECT_THAT(MessageOfRun("b.db"), HasSubstr("outside of the image of 240 x 180"));
+  options_.points_path = (folder_ / "elsewhere").string();
+  EXPECT_THAT(MessageOfRun("b.db"), HasSubstr("there is no such file or folder; check --Import"));
+  Write("elsewhere/4.png/keypoints.npy", Npy("(1, 2)", {0, 0}));
+  EXPECT_THAT(MessageOfRun("b.db"), HasSubstr("expected names like '3.png', found '4.png'"));
 }
 
 TEST_F(Extract, EveryCameraModelHasParametersToStartFrom) {
@@ -341,20 +346,25 @@ TEST_F(Extract, EveryCameraModelHasParametersToStartFrom) {
 
 TEST_F(Extract, RefusesOptionsThatDoNotGoTogether) {
   options_.reader.single_camera_per_folder = true;
-  EXPECT_THAT(MessageOfRun("a.db"), HasSubstr("give one of"));
+  EXPECT_THAT(MessageOfRun("a.db"),
+              HasSubstr("expected at most one of --ImageReader.single_camera, "));
   options_.reader.single_camera_per_folder = false;
   options_.reader.camera_params = "200,200,120";
-  EXPECT_THAT(MessageOfRun("a.db"), HasSubstr("PINHOLE has 4 parameters (fx fy cx cy), found 3"));
+  EXPECT_THAT(MessageOfRun("a.db"),
+              HasSubstr("expected the 4 parameters of PINHOLE (fx fy cx cy), found 3"));
   options_.reader.camera_params = "200,200,120,x";
   EXPECT_THAT(MessageOfRun("a.db"), HasSubstr("'x' is no number"));
   options_.reader.camera_model = "PINHOL";
-  EXPECT_THAT(MessageOfRun("a.db"), HasSubstr("known are SIMPLE_PINHOLE, PINHOLE"));
+  EXPECT_THAT(MessageOfRun("a.db"), HasSubstr("expected one of SIMPLE_PINHOLE, PINHOLE"));
   options_.reader = {};
   options_.reader.existing_camera_id = 4;
-  EXPECT_THAT(MessageOfRun("a.db"), HasSubstr("has no camera 4"));
+  EXPECT_THAT(MessageOfRun("a.db"), HasSubstr("there is no camera 4"));
   options_.reader = {};
+  options_.image_list_path = (folder_ / "no.txt").string();
+  EXPECT_THAT(MessageOfRun("a.db"), HasSubstr("no.txt: there is no such file"));
   options_.image_list_path = Write("none.txt", "\n").string();
-  EXPECT_THAT(MessageOfRun("a.db"), HasSubstr("holds no photographs"));
+  EXPECT_THAT(MessageOfRun("a.db"),
+              HasSubstr("expected the names of photographs, one a line, found none"));
 }
 
 }  // namespace

@@ -70,8 +70,8 @@ class ImageCache {
     if (descriptors->size() != 0 && descriptors->size() != keypoints->size()) {
       throw InputError(
           database_.path(),
-          fmt::format("image {} ({}) has {} keypoints, but {} descriptors; extract its "
-                      "features again",
+          fmt::format("image {} ('{}'): expected a descriptor for each keypoint ({}), found {} of "
+                      "them; make its features anew",
                       id, images_.at(id).name, keypoints->size(), descriptors->size()));
     }
     image.keypoints = std::move(*keypoints);

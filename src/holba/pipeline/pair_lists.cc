@@ -5,11 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <map>
 #include <set>
+#include <sstream>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/base/threads.h"
 #include "holba/frontend/matching/retrieval.h"
 #include "holba/geometry/angle.h"
@@ -132,8 +133,8 @@ std::vector<ImagePair> Spatial(const PairListOptions& options, const Database& d
   }
   if (ids.size() < 2) {
     throw InputError(database.path(),
-                     fmt::format("{} images have a position, but --pairs spatial needs positions "
-                                 "(table pose_priors)",
+                     fmt::format("--pairs spatial: expected images with a position (table "
+                                 "pose_priors), at least 2, found {}",
                                  ids.size()));
   }
   std::set<ImagePair> pairs;
@@ -155,8 +156,7 @@ std::vector<ImagePair> FromList(const std::string& path,
                                 const std::map<image_t, DatabaseImage>& images) {
   std::map<std::string, image_t> ids;
   for (const auto& [id, image] : images) ids[image.name] = id;
-  std::ifstream file(path);
-  if (!file) throw InputError(path, "cannot be read (--ImportedMatching.match_list_path)");
+  std::istringstream file(ReadFileBytes(path));
   std::vector<ImagePair> pairs;
   std::set<ImagePair> known;
   std::string text;
@@ -223,7 +223,7 @@ void PairListOptions::Describe(OptionTable* table) const {
 void PairListOptions::Check() const {
   if ((selection == PairSelection::kList) == match_list_path.empty()) {
     throw InputError(
-        "--pairs list and --ImportedMatching.match_list_path belong together: give both or none");
+        "--pairs list and --ImportedMatching.match_list_path must go together; give both or none");
   }
 }
 

@@ -5,11 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <set>
 #include <sstream>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/base/threads.h"
 #include "holba/pipeline/photograph_folder.h"
 #include "holba/scene/validity.h"
@@ -41,10 +41,8 @@ const CameraModel& ModelOf(const ImageReaderOptions& options) {
     std::string known;
     for (const CameraModel* each : AllCameraModels())
       known += (known.empty() ? "" : ", ") + std::string(each->name);
-    throw InputError(
-        fmt::format("--ImageReader.camera_model: there is no camera model '{}'; known "
-                    "are {}",
-                    options.camera_model, known));
+    throw InputError(fmt::format("--ImageReader.camera_model: expected one of {}, found '{}'",
+                                 known, options.camera_model));
   }
   return *model;
 }
@@ -123,8 +121,7 @@ std::vector<std::string> PhotographNames(const fs::path& image_path,
                                          const std::string& image_list_path) {
   std::vector<std::string> names;
   if (!image_list_path.empty()) {
-    std::ifstream file(image_list_path);
-    if (!file) throw InputError(image_list_path, "cannot be read (--image_list_path)");
+    std::istringstream file(ReadFileBytes(image_list_path));
     std::string line;
     while (std::getline(file, line)) {
       const size_t end = line.find_last_not_of(" \t\r");
@@ -139,7 +136,9 @@ std::vector<std::string> PhotographNames(const fs::path& image_path,
   names.erase(std::unique(names.begin(), names.end()), names.end());
   if (names.empty()) {
     throw InputError(image_list_path.empty() ? image_path : fs::path(image_list_path),
-                     "holds no photographs (JPEG, PNG, TIFF, BMP, PNM files)");
+                     image_list_path.empty()
+                         ? "expected photographs (JPEG, PNG, TIFF, BMP, PNM files), found none"
+                         : "expected the names of photographs, one a line, found none");
   }
   return names;
 }
@@ -181,7 +180,8 @@ CameraPlan PlanCameras(const ImageReaderOptions& options, const fs::path& image_
     if (!cameras.contains(existing)) {
       throw InputError(
           database.path(),
-          fmt::format("has no camera {} (--ImageReader.existing_camera_id)", existing));
+          fmt::format("there is no camera {}; give --ImageReader.existing_camera_id one that is",
+                      existing));
     }
     idx_of_group["all"] = idx_of(existing);
   }
@@ -190,8 +190,10 @@ CameraPlan PlanCameras(const ImageReaderOptions& options, const fs::path& image_
     const auto known = images_by_name.find(image.name);
     if (known == images_by_name.end()) continue;
     if (!cameras.contains(known->second.camera_id)) {
-      throw InputError(database.path(), fmt::format("has no camera {}, which image '{}' names",
-                                                    known->second.camera_id, image.name));
+      throw InputError(database.path(),
+                       fmt::format("image '{}' has camera {}, which is not in the database; make "
+                                   "the database anew",
+                                   image.name, known->second.camera_id));
     }
     image.image_id = ids_by_name.at(image.name);
     image.camera_idx = idx_of(known->second.camera_id);
@@ -208,11 +210,10 @@ CameraPlan PlanCameras(const ImageReaderOptions& options, const fs::path& image_
     const Camera& camera = plan.cameras[image.camera_idx].camera.camera;
     if (camera.width != image.header.width || camera.height != image.header.height) {
       image.fault = InputError(image.path,
-                               fmt::format("the photograph has {} x {} pixels, the camera that it "
-                                           "shares with others {} x {}; photographs of one camera "
-                                           "have one size",
-                                           image.header.width, image.header.height, camera.width,
-                                           camera.height))
+                               fmt::format("expected {} x {} pixels, the size of its camera, found "
+                                           "{} x {} pixels; give it a camera of its own",
+                                           camera.width, camera.height, image.header.width,
+                                           image.header.height))
                         .what();
     }
   }
@@ -248,25 +249,29 @@ void ImageReaderOptions::Check() const {
   if (!camera_params.empty()) {
     const std::vector<double> params = ParseNumbers(camera_params, "--ImageReader.camera_params");
     if (params.size() != static_cast<size_t>(model.num_params)) {
-      throw InputError(
-          fmt::format("--ImageReader.camera_params: {} has {} parameters ({}), found "
-                      "{}",
-                      model.name, model.num_params, model.param_names, params.size()));
+      throw InputError(fmt::format(
+          "--ImageReader.camera_params: expected the {} parameters of {} ({}), found {}",
+          model.num_params, model.name, model.param_names, params.size()));
     }
     if (const Fault fault = FindFault(Camera{&model, 1, 1, params}))
-      throw InputError(fmt::format("--ImageReader.camera_params: {}", *fault));
+      throw InputError(
+          fmt::format("--ImageReader.camera_params: the camera {}; give other parameters", *fault));
   }
-  if (single_camera + single_camera_per_folder + single_camera_per_image +
-          (existing_camera_id >= 0) >
-      1) {
+  const int num_ways = single_camera + single_camera_per_folder + single_camera_per_image +
+                       (existing_camera_id >= 0);
+  if (num_ways > 1) {
     throw InputError(
-        "give one of --ImageReader.single_camera, single_camera_per_folder, "
-        "single_camera_per_image and existing_camera_id");
+        fmt::format("expected at most one of --ImageReader.single_camera, "
+                    "single_camera_per_folder, single_camera_per_image and existing_camera_id, "
+                    "found {} of them",
+                    num_ways));
   }
   if (!mask_path.empty() && !fs::is_directory(mask_path))
-    throw InputError(mask_path, "there is no such folder (--ImageReader.mask_path)");
+    throw NoSuchFolder(mask_path, "--ImageReader.mask_path");
+  if (!camera_mask_path.empty() && !fs::exists(camera_mask_path))
+    throw NoSuchFile(camera_mask_path);
   if (!camera_mask_path.empty() && !fs::is_regular_file(camera_mask_path))
-    throw InputError(camera_mask_path, "there is no such file (--ImageReader.camera_mask_path)");
+    throw FileIsWanted(camera_mask_path);
 }
 
 }  // namespace holba

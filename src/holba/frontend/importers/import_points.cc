@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "holba/base/error.h"
-#include "holba/base/log.h"
+#include "holba/base/file_faults.h"
 #include "holba/frontend/importers/import_names.h"
 #include "holba/frontend/importers/import_store.h"
 
@@ -65,9 +65,8 @@ Descriptors ToDescriptors(const StoredArray& stored, size_t num_points) {
       const float value = values[k * num_points + i];
       if (!std::isfinite(value)) {
         throw InputError(
-            fmt::format("{}: the descriptor of key point {} holds a number that is not "
-                        "finite",
-                        stored.place, i));
+            fmt::format("{}: expected finite numbers in the descriptor of key point {}, found {}",
+                        stored.place, i, value));
       }
       std::memcpy(descriptors.data.data() + (i * size + k) * sizeof(float), &value, sizeof(float));
     }
@@ -80,7 +79,8 @@ Descriptors ToDescriptors(const StoredArray& stored, size_t num_points) {
 std::map<image_t, ImportedPoints> ImportPoints(const std::filesystem::path& path,
                                                const Reconstruction& model,
                                                PointImportReport* report) {
-  if (!std::filesystem::exists(path) || !HoldsArrays(path)) {
+  if (!std::filesystem::exists(path)) throw NoSuchFileOrFolder(path, "--Import.points_path");
+  if (!HoldsArrays(path)) {
     throw InputError(path,
                      "expected a folder of npz or npy files, or a file that ends in .npz, .h5 or "
                      ".hdf5, with keypoints and descriptors for each image");
@@ -115,8 +115,10 @@ std::map<image_t, ImportedPoints> ImportPoints(const std::filesystem::path& path
   report->num_images = result.size();
   report->num_images_without = model.images.size() - result.size();
   if (result.empty()) {
-    if (unknown.empty())
-      throw InputError(path, "holds no keypoints; give a file of hloc's features with --Import.points_path");
+    if (unknown.empty()) {
+      throw InputError(path,
+                       "expected arrays 'keypoints' of images, as hloc writes them, found none");
+    }
     throw names.NothingKnown(path, report->num_unknown_names, "image", unknown);
   }
   if (report->num_unknown_names > 0) {
