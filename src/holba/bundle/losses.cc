@@ -108,6 +108,7 @@ void AutoScales::Apply(const Problem& problem) const {
 }
 
 void AutoScales::Leave() {
+  for (const auto& [batch, weight] : batches_) batch->weight = weight;
   terms_.clear();
   batches_.clear();
 }

@@ -49,7 +49,7 @@ class AutoScales {
   bool Tighten(const Problem& problem);
   // From now on, and of the problem at hand.
   void Weigh(const StructureWeights& factors);
-  // The problem at hand goes away.
+  // The problem at hand goes away, or waits for another Begin with its weights as given.
   void Leave();
 
   // Whether the loss of a term follows its noise.

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <memory>
 #include <optional>
 #include <unordered_set>
 #include <utility>
@@ -22,10 +23,11 @@ constexpr size_t kMinVerified = 30;
 constexpr size_t kEnoughTracks = 4000;
 // Weights differ by factors of four: standard deviations by two.
 constexpr double kStep = 4.0;
-// Steps of an adjustment of a fold. The first of a fold has to forget what is left out; the others
-// start near the optimum of other weights, and after three steps their order is that of the optima.
-constexpr int kFirstIterations = 8;
-constexpr int kNextIterations = 3;
+// Steps of an adjustment of a fold. The first, which are not judged, have to forget what is left
+// out; then each trial starts near the optimum of other weights, and after two steps their order is
+// that of the optima.
+constexpr int kFirstIterations = 6;
+constexpr int kNextIterations = 2;
 
 // A model with more frames is judged by a part of it: weights are about the noise of observations,
 // which is the same in all of it, and the choice then costs what the part does.
@@ -134,15 +136,22 @@ class Chooser {
     return costs;
   }
 
-  // Of some weights, each trial of a fold begun where the one before ended.
+  // Of some weights, each trial of a fold begun where the one before ended, also that of an earlier
+  // call.
   std::vector<Costs> CostsOf(const std::vector<StructureWeights>& trials) {
     std::vector<Costs> costs(trials.size());
+    const bool is_first = folds_.empty();
     for (size_t fold = 0; fold < num_folds_; ++fold) {
-      BundleProblem bundle = Build(adjustment_.options, held_out_.Without(fold, selection_));
+      if (is_first) {
+        folds_.push_back(std::make_unique<BundleProblem>(
+            Build(adjustment_.options, held_out_.Without(fold, selection_))));
+      }
+      BundleProblem& bundle = *folds_[fold];
       adjustment_.scales->Begin(bundle.problem);
+      if (is_first && !stopped_) stopped_ = !adjustment_.solve(kFirstIterations, &bundle.problem);
       for (size_t i = 0; i < trials.size(); ++i) {
         adjustment_.scales->Weigh(trials[i]);
-        Judge(fold, i == 0 ? kFirstIterations : kNextIterations, &bundle, &costs[i]);
+        Judge(fold, kNextIterations, &bundle, &costs[i]);
       }
       adjustment_.scales->Weigh({});
       Finish();
@@ -185,7 +194,7 @@ class Chooser {
   // All structure weighed alike: more or less while that is better.
   void TryDiagonal() {
     const auto all = [](double s) { return StructureWeights{s, s, s}; };
-    Try({all(1.0), all(kStep), all(1.0 / kStep)});
+    Try({all(kStep), all(1.0), all(1.0 / kStep)});
     if (best_.weights.points_alone) return;
     for (const double factor : {kStep, 1.0 / kStep}) {
       if (best_.weights.structure == all(factor)) Try({all(factor * factor)});
@@ -221,7 +230,8 @@ class Chooser {
   BundleSelection selection_;
   const BundleProblem base_;
   const HeldOutPoints held_out_;
-  size_t num_folds_ = 0;  // that are judged
+  size_t num_folds_ = 0;                               // that are judged
+  std::vector<std::unique_ptr<BundleProblem>> folds_;  // with structure
   Costs of_points_;
   WeightTrial best_;
   WeightChoice choice_;
