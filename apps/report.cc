@@ -59,6 +59,9 @@ json SummaryToJson(const BundleSummary& summary) {
   json held_intrinsics = json::array();
   for (const HeldIntrinsics& held : summary.held_intrinsics)
     held_intrinsics.push_back(held.camera_id);
+  json held_sensors = json::array();
+  for (const HeldSensor& held : summary.held_sensors)
+    held_sensors.push_back({{"rig", held.rig_id}, {"camera", held.camera_id}});
   return {{"backend", s.backend},
           {"linear_solver", s.linear_solver},
           {"num_threads", s.num_threads},
@@ -77,6 +80,8 @@ json SummaryToJson(const BundleSummary& summary) {
           {"points_seen_once", summary.points_seen_once},
           {"lines_seen_once", summary.lines_seen_once},
           {"cameras_with_held_intrinsics", held_intrinsics},
+          {"sensors", summary.num_sensors},
+          {"held_sensors", held_sensors},
           {"parts", summary.num_parts},
           {"angular_weight_factor", summary.angular_weight_factor},
           {"seconds",
@@ -128,6 +133,8 @@ std::string SummaryToText(const BundleSummary& summary) {
     text += fmt::format("cameras {} by {:.2f} of their standard deviations from points alone\n",
                         what, *summary.camera_shift_sigmas);
   }
+  if (summary.num_sensors > 0)
+    text += fmt::format("poses of {} sensors in their rigs adjusted\n", summary.num_sensors);
   const bool has_angular = std::any_of(s.final_terms.begin(), s.final_terms.end(),
                                        [](const TermCost& t) { return t.angular; });
   if (has_angular && summary.angular_weight_factor != 1.0) {
@@ -167,6 +174,20 @@ void WarnOfWhatWasHeld(const BundleSummary& summary) {
         "The intrinsics of camera {} stay as they are: {} observations are too few to estimate "
         "them",
         held.camera_id, held.num_observations);
+  }
+  for (const HeldSensor& held : summary.held_sensors) {
+    if (held.why == HeldSensor::Why::kStandsForReference) {
+      LogWarning(
+          "The pose of camera {} in rig {} stays as it is: the reference sensor of the rig sees "
+          "too "
+          "little to say where the rig is, and this camera stands in for it",
+          held.camera_id, held.rig_id);
+    } else {
+      LogWarning(
+          "The pose of camera {} in rig {} stays as it is: {} observations in frames whose place "
+          "others tell are too few to estimate it",
+          held.camera_id, held.rig_id, held.num_observations);
+    }
   }
   if (summary.num_parts > 1) {
     LogWarning(

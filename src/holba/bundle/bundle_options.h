@@ -108,6 +108,8 @@ struct BundleOptions {
   bool refine_focal_length = true;
   bool refine_principal_point = false;
   bool refine_extra_params = true;
+  // Poses of the sensors of a rig in it (but of the reference), where poses are not held.
+  bool refine_sensor_from_rig = true;
   bool fix_poses = false;
   bool fix_points = false;
   bool fix_lines = false;

@@ -31,6 +31,14 @@ double NoiseVariance(const Problem& problem) {
   return count > 0.0 ? sum / count : 0.0;
 }
 
+// Of frames, then of sensors in their rigs.
+std::vector<BlockId> PoseBlocks(const BundleProblem& bundle) {
+  std::vector<BlockId> blocks;
+  for (const auto& [id, block] : bundle.poses) blocks.push_back(block);
+  for (const auto& [id, block] : bundle.sensors) blocks.push_back(block);
+  return blocks;
+}
+
 }  // namespace
 
 std::optional<CameraReference> CameraReference::Of(const BundleProblem& points, int num_threads,
@@ -41,8 +49,9 @@ std::optional<CameraReference> CameraReference::Of(const BundleProblem& points, 
       Covariance::Compute(points.problem, num_threads, workspace);
   if (!covariance) return std::nullopt;
   CameraReference reference;
-  for (size_t index = 0; index < points.poses.size(); ++index) {
-    const BlockId block = points.poses[index].second;
+  const std::vector<BlockId> blocks = PoseBlocks(points);
+  for (size_t index = 0; index < blocks.size(); ++index) {
+    const BlockId block = blocks[index];
     const uint32_t mask = points.problem.block(block).FreeMask();
     Pose pose{index, {}, {}, {}};
     for (int k = 0; k < PoseManifold::kTangent; ++k) {
@@ -64,11 +73,11 @@ std::optional<CameraReference> CameraReference::Of(const BundleProblem& points, 
 
 double CameraReference::ShiftSigmas(const BundleProblem& other) const {
   double sum = 0.0, count = 0.0;
+  const std::vector<BlockId> blocks = PoseBlocks(other);
   for (const Pose& pose : poses_) {
-    HOLBA_CHECK(pose.index < other.poses.size());
+    HOLBA_CHECK(pose.index < blocks.size());
     Eigen::Matrix<double, PoseManifold::kTangent, 1> moved;
-    PoseManifold::Minus(other.problem.values(other.poses[pose.index].second), pose.values.data(),
-                        moved.data());
+    PoseManifold::Minus(other.problem.values(blocks[pose.index]), pose.values.data(), moved.data());
     const Eigen::VectorXd d = moved(pose.free);
     sum += d.dot(pose.information * d);
     count += static_cast<double>(pose.free.size());

@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "holba/bundle/bundle_options.h"
@@ -28,6 +29,10 @@ constexpr double kMinEigenvalueRatio = 1e-8;
 // Step of central differences, in the unit of length.
 constexpr double kStep = 1e-5;
 
+uint64_t KeyOf(const Reconstruction& model, const Image& image) {
+  return SensorKey(model.frames.at(image.frame_id).rig_id, image.camera_id);
+}
+
 struct SelectedView {
   Eigen::Vector3d centre;  // of the camera
   bool constant;
@@ -38,16 +43,27 @@ class Resistance {
  public:
   Resistance(const Reconstruction& model, const BundleOptions& options,
              const BundleSelection& selection,
-             const std::vector<std::pair<image_t, const Image*>>& images)
-      : model_(model), options_(options), selection_(selection), image_idx_(images.size()) {
+             const std::vector<std::pair<image_t, const Image*>>& images,
+             const FlatIndex& variable_sensors, bool scale_is_known)
+      : model_(model),
+        options_(options),
+        selection_(selection),
+        image_idx_(images.size()),
+        scale_is_known_(scale_is_known) {
     FlatIndex frame_idx(selection.frames.size());
     for (const auto& frame : selection.frames) frame_idx.Add(frame.id);
+    std::vector<std::optional<Eigen::Vector3d>> held_centre(selection.frames.size());  // in its rig
     for (const auto& [id, image] : images) {
       image_idx_.Add(id);
-      const bool constant = selection.frames[frame_idx.Find(image->frame_id)].constant;
+      const uint32_t frame = frame_idx.Find(image->frame_id);
+      const bool constant = selection.frames[frame].constant;
       views_.push_back({image->cam_from_world.OriginInA(), constant});
       centre_ += views_.back().centre;
-      has_baseline_ |= !constant && model.SensorFromRig(*image).translation.norm() > 0.0;
+      if (!constant && !variable_sensors.contains(KeyOf(model, *image))) {
+        const Eigen::Vector3d centre = model.SensorFromRig(*image).OriginInA();
+        scale_is_known_ |= held_centre[frame] && (centre - *held_centre[frame]).norm() > 0.0;
+        held_centre[frame] = centre;
+      }
       any_frame_held_ |= constant;
     }
     centre_ /= static_cast<double>(std::max<size_t>(views_.size(), 1));
@@ -61,7 +77,7 @@ class Resistance {
   // Similarities that nothing resists, as columns. First what frames, baselines and points resist,
   // then, where that leaves something, lines and groups.
   Eigen::MatrixXd FreeWithoutStructure() {
-    if (has_baseline_) Add(RowVector7::Unit(6));
+    if (scale_is_known_) Add(RowVector7::Unit(6));
     const auto held = [](const auto& element) { return element.constant; };
     const bool any_point_held =
         std::any_of(selection_.points.begin(), selection_.points.end(), held);
@@ -242,7 +258,7 @@ class Resistance {
   const BundleSelection& selection_;
   FlatIndex image_idx_;
   std::vector<SelectedView> views_;
-  bool has_baseline_ = false, any_frame_held_ = false;
+  bool scale_is_known_ = false, any_frame_held_ = false;
   Eigen::Vector3d centre_ = Eigen::Vector3d::Zero();
   double unit_ = 0.0;
   Matrix7 sum_ = Matrix7::Zero();
@@ -291,11 +307,15 @@ uint32_t HoldCoordinates(Eigen::MatrixXd rows, int first_coordinate, Eigen::Matr
 }  // namespace
 
 FixedGauge ChooseGauge(const Reconstruction& model, const BundleOptions& options,
-                       const BundleSelection& selection) {
+                       const BundleSelection& selection, bool scale_is_known) {
   FixedGauge gauge;
   if (options.gauge == Gauge::kFree || !selection.HasVariableFrame()) return gauge;
   const auto images = ImagesOf(model, selection);
-  Resistance resistance(model, options, selection, images);
+  FlatIndex variable_sensors(selection.sensors.size());
+  for (const SelectedSensor& sensor : selection.sensors) {
+    if (!sensor.constant) variable_sensors.Add(SensorKey(sensor.rig_id, sensor.camera_id));
+  }
+  Resistance resistance(model, options, selection, images, variable_sensors, scale_is_known);
   Eigen::MatrixXd free = resistance.FreeWithoutStructure();
   if (free.cols() > 0) {
     const Eigen::Index without_structure = free.cols();
@@ -326,6 +346,21 @@ FixedGauge ChooseGauge(const Reconstruction& model, const BundleOptions& options
     move.cwiseAbs().maxCoeff(&coordinate);
   }
   if (gauge.origin_frame == kInvalidId32) return gauge;
+  // Where frames are nearer to each other than sensors in their rig, as in a rig that stands still,
+  // the noise of their distance would become that of the scale.
+  Eigen::Vector3d baseline = Eigen::Vector3d::Zero();
+  for (const auto& [image_id, image] : images) {
+    if (!variable.contains(image->frame_id) || !variable_sensors.contains(KeyOf(model, *image)))
+      continue;
+    const Eigen::Vector3d& translation = model.SensorFromRig(*image).translation;
+    if (translation.norm() <= farthest) continue;
+    farthest = translation.norm();
+    gauge.scale_frame = kInvalidId32;
+    gauge.scale_rig = model.frames.at(image->frame_id).rig_id;
+    gauge.scale_camera = image->camera_id;
+    baseline = translation;
+    baseline.cwiseAbs().maxCoeff(&coordinate);
+  }
   if (free.cols() == 7) {
     gauge.origin_held = FixedGauge::kWholePose;
     if (farthest > 0.0) gauge.scale_held = uint32_t{1} << (3 + coordinate);
@@ -338,9 +373,15 @@ FixedGauge ChooseGauge(const Reconstruction& model, const BundleOptions& options
   gauge.origin_held =
       HoldCoordinates(RotationMotion(model.frames.at(gauge.origin_frame).rig_from_world), 0, &free);
   gauge.origin_held |= HoldCoordinates(translation_of(gauge.origin_frame), 3, &free);
-  if (gauge.scale_frame == kInvalidId32) return gauge;
-  gauge.scale_held = HoldCoordinates(translation_of(gauge.scale_frame), 3, &free);
-  if (gauge.scale_held == 0) gauge.scale_frame = kInvalidId32;
+  Eigen::Matrix<double, 3, 7> scale_motion = Eigen::Matrix<double, 3, 7>::Zero();
+  if (gauge.scale_frame != kInvalidId32) {
+    scale_motion = translation_of(gauge.scale_frame);
+  } else if (gauge.scale_rig != kInvalidId32) {
+    scale_motion.col(6) = baseline / resistance.unit();
+  }
+  gauge.scale_held = HoldCoordinates(scale_motion, 3, &free);
+  if (gauge.scale_held == 0)
+    gauge.scale_frame = gauge.scale_rig = gauge.scale_camera = kInvalidId32;
   return gauge;
 }
 
