@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "apps/command.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 
-#include "holba/base/error.h"
+#include "holba/base/file_faults.h"
+#include "holba/base/printable.h"
 
 namespace holba {
 
@@ -34,15 +34,25 @@ const Command* FindCommand(std::string_view name) {
 namespace {
 
 [[noreturn]] void FailResult() {
-  throw InputError(std::string("cannot write the result to standard output: ") +
-                   std::strerror(errno));
+  throw InputError(
+      fmt::format("the result cannot be written to standard output ({}); check the file or program "
+                  "that it goes to",
+                  SystemFault()));
 }
 
 }  // namespace
 
 void PrintResult(std::string_view text) {
-  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
+  const std::string printable = Printable(text);
+  if (std::fwrite(printable.data(), 1, printable.size(), stdout) != printable.size() ||
+      std::fflush(stdout) != 0) {
     FailResult();
+  }
+}
+
+std::string JsonText(const nlohmann::json& json) {
+  // What is no UTF-8 would be an error, and DEL and the controls of Latin-1 are not escaped else.
+  return json.dump(2, ' ', /*ensure_ascii=*/true, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 void ProbeResult() {

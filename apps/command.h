@@ -8,6 +8,7 @@
 
 #include <functional>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -50,7 +51,10 @@ const std::vector<Command>& AllCommands();
 // Null: unknown.
 const Command* FindCommand(std::string_view name);
 
-// Results go to stdout (messages to stderr, base/log.h). Throws InputError if stdout takes no more.
+// As a whole line of ASCII, valid whatever bytes its texts hold: names come from files.
+std::string JsonText(const nlohmann::json& json);
+// Results go to stdout (messages to stderr, base/log.h), bytes that a terminal would obey escaped.
+// Throws InputError if stdout takes no more.
 void PrintResult(std::string_view text);
 // The same of a stdout that is closed or full now.
 void ProbeResult();

@@ -228,7 +228,7 @@ std::string JsonHelp(const Described& of) {
   for (const Option& option : of.own.options()) json["options"].push_back(ToJson(option));
   for (const Option& option : of.common.options())
     json["common_options"].push_back(ToJson(option));
-  return json.dump(2) + "\n";
+  return JsonText(json);
 }
 
 }  // namespace

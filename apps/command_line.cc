@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 
 namespace holba {
 namespace {
@@ -53,7 +54,7 @@ std::vector<const Option*> AllOptions(const OptionTable& table, const OptionTabl
 std::string UnknownOption(const std::string& name, const std::string& shown,
                           const std::vector<std::string>& known, const Command& command) {
   const std::string nearest = Nearest(name, known);
-  return fmt::format("unknown option '{}'{}; see 'holba {} --help'", shown,
+  return fmt::format("unknown option '{}'{}; see 'holba {} --help all'", shown,
                      nearest.empty() ? "" : fmt::format(", did you mean '--{}'?", nearest),
                      command.name);
 }
@@ -90,7 +91,8 @@ std::map<std::string, std::string> ReadWords(const Command& command,
     parser.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
   } catch (const CLI::ParseError& error) {
     // Left to it are only a value that is missing and a flag with a value that is no flag's.
-    throw InputError(error.what());
+    throw InputError(fmt::format("the options cannot be understood ({}); see 'holba {} --help'",
+                                 error.what(), command.name));
   }
   std::map<std::string, std::string> words;
   for (const auto& [name, option] : parsed) {
@@ -99,11 +101,12 @@ std::map<std::string, std::string> ReadWords(const Command& command,
       words[name] = option->as<bool>() ? "1" : "0";
       continue;
     }
-    if (option->results().size() > 1) throw InputError(fmt::format("--{} is given twice", name));
+    if (option->results().size() > 1)
+      throw InputError(fmt::format("--{} is given twice; give it once", name));
     const std::string& value = option->results().front();
     // Nobody means the next option as a value.
     if (value.starts_with("--")) {
-      throw InputError(fmt::format("--{} needs a value, found '{}'", name, value));
+      throw InputError(fmt::format("--{}: expected a value, found the option '{}'", name, value));
     }
     words[name] = value;
   }
@@ -113,9 +116,9 @@ std::map<std::string, std::string> ReadWords(const Command& command,
       name = name.substr(0, name.find('='));
       throw InputError(UnknownOption(name, word, known, command));
     }
-    throw InputError(fmt::format(
-        "unexpected argument '{}': options are given as --name VALUE; see 'holba {} --help'", word,
-        command.name));
+    throw InputError(
+        fmt::format("unexpected argument '{}'; give options as --name VALUE, see 'holba {} --help'",
+                    word, command.name));
   }
   return words;
 }
@@ -150,7 +153,7 @@ HelpForm ParseHelpForm(const std::string& word) {
   for (const auto& [name, meaning] : kHelpForms) {
     if (word == name && meaning != HelpForm::kNone) return meaning;
   }
-  throw InputError(fmt::format("there is no help '{}': --help takes basic, all or json", word));
+  throw InputError(fmt::format("--help: expected basic, all or json, found '{}'", word));
 }
 
 void ParseCommandLine(const Command& command, const std::vector<std::string>& arguments,
@@ -185,7 +188,8 @@ void ParseCommandLine(const Command& command, const std::vector<std::string>& ar
       if (!is_first) {
         throw InputError::AtLine(
             it->second, entry.line,
-            fmt::format("'{}' is given twice, first in line {}", entry.name, first->second));
+            fmt::format("'{}' is given twice, first in line {}; remove one of the two", entry.name,
+                        first->second));
       }
       try {
         found->second->SetText(entry.value);
@@ -202,9 +206,8 @@ void ParseCommandLine(const Command& command, const std::vector<std::string>& ar
   for (const Option* option : options) {
     const auto it = given.find(option->name);
     if (option->required && (it == given.end() || it->second.empty())) {
-      throw InputError(fmt::format("--{} {}; see 'holba {} --help'", option->name,
-                                   it == given.end() ? "is required" : "needs a value",
-                                   command.name));
+      throw InputError(
+          fmt::format("--{} must be given; see 'holba {} --help'", option->name, command.name));
     }
   }
 }
@@ -212,8 +215,8 @@ void ParseCommandLine(const Command& command, const std::vector<std::string>& ar
 std::vector<ConfigEntry> ReadConfigFile(const std::filesystem::path& path) {
   std::ifstream file(path);
   if (!file || std::filesystem::is_directory(path)) {
-    throw InputError(path,
-                     "cannot open the config file; --config needs the path of a readable file");
+    throw InputError(
+        path, "the file of options cannot be opened; --config must be the path of a readable file");
   }
   std::vector<ConfigEntry> entries;
   std::string section;
@@ -221,8 +224,7 @@ std::vector<ConfigEntry> ReadConfigFile(const std::filesystem::path& path) {
   for (uint64_t line = 1; std::getline(file, text); ++line) {
     // Windows' editors put a byte order mark first.
     if (line == 1 && text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
-    if (line == 1 && (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF")))
-      throw InputError(path, "expected text in ASCII or UTF-8, found UTF-16: save it as UTF-8");
+    if (line == 1) RefuseUtf16(text, path);
     text = Trimmed(text);
     if (text.empty() || text[0] == '#' || text[0] == ';') continue;
     if (text.front() == '[') {
@@ -244,7 +246,7 @@ std::vector<ConfigEntry> ReadConfigFile(const std::filesystem::path& path) {
     }
     entries.push_back({section.empty() ? key : section + "." + key, value, line});
   }
-  if (file.bad()) throw InputError(path, "cannot be read to its end");
+  if (file.bad()) throw CannotBeRead(path, SystemFault());
   return entries;
 }
 

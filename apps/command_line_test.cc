@@ -120,12 +120,13 @@ TEST_F(CommandLine, WhatIsNoOptionIsRefused) {
 
 TEST_F(CommandLine, AMissingValueIsRefusedByName) {
   EXPECT_THAT(Refusal({"--input_path"}), HasSubstr("--input_path"));
-  EXPECT_THAT(Refusal({"--input_path", "--shift", "1"}), HasSubstr("--input_path needs a value"));
-  EXPECT_THAT(Refusal({"--input_path", ""}), HasSubstr("--input_path needs a value"));
+  EXPECT_THAT(Refusal({"--input_path", "--shift", "1"}),
+              HasSubstr("--input_path: expected a value, found the option '--shift'"));
+  EXPECT_THAT(Refusal({"--input_path", ""}), HasSubstr("--input_path must be given"));
 }
 
 TEST_F(CommandLine, ARequiredOptionMustBeGivenUnlessHelpIsAskedFor) {
-  EXPECT_THAT(Refusal({"--Solver.num_threads", "1"}), HasSubstr("--input_path is required"));
+  EXPECT_THAT(Refusal({"--Solver.num_threads", "1"}), HasSubstr("--input_path must be given"));
   Parse({"--help"});
   EXPECT_EQ(common_.help, HelpForm::kBasic);
   Parse({"-h"});
@@ -187,7 +188,8 @@ TEST_F(CommandLine, AConfigFileIsRefusedWithFileAndLine) {
               HasSubstr("config.ini:3: 'shift' is given twice, first in line 1"));
   EXPECT_THAT(refusal("config = other.ini\n"), HasSubstr("config.ini:1: unknown option 'config'"));
   EXPECT_THAT(Refusal({"--config", (folder_ / "absent.ini").string()}), HasSubstr("absent.ini"));
-  EXPECT_THAT(Refusal({"--config", folder_.string()}), HasSubstr("cannot open the config file"));
+  EXPECT_THAT(Refusal({"--config", folder_.string()}),
+              HasSubstr("the file of options cannot be opened"));
 }
 
 TEST_F(CommandLine, TheWholeHelpNamesEveryOptionWithTypeDefaultRangeAndSentence) {

@@ -37,10 +37,13 @@ int Guarded(const std::string& who, const Action& action) {
     message = error.what();
     status = kBadInput;
   } catch (const std::bad_alloc&) {
-    message = "not enough memory for this input";
+    message = "not enough memory for this input; use a part of it, or a machine with more";
     status = kBadInput;
   } catch (const std::filesystem::filesystem_error& error) {
-    message = error.what();
+    message = InputError(error.path1(), fmt::format("the file system refused it ({}); check the "
+                                                    "permissions and the disk",
+                                                    error.code().message()))
+                  .what();
     status = kBadInput;
   } catch (const std::exception& error) {
     message = fmt::format(

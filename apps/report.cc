@@ -10,6 +10,7 @@
 #include "holba/base/error.h"
 #include "holba/base/log.h"
 #include "holba/base/memory.h"
+#include "holba/base/words.h"
 #include "holba/bundle/plausibility.h"
 #include "holba/io/files.h"
 
@@ -100,6 +101,12 @@ json SummaryToJson(const BundleSummary& summary) {
           {"peak_memory_mb", PeakMemoryMb()}};
 }
 
+std::string ContentsText(const Reconstruction& model) {
+  return fmt::format("{}, {}, {} and {}", Counted(model.images.size(), "image"),
+                     Counted(model.points3D.size(), "point"), Counted(model.lines3D.size(), "line"),
+                     Counted(model.groups3D.size(), "group"));
+}
+
 std::string SummaryToText(const BundleSummary& summary) {
   const SolverSummary& s = summary.solver;
   std::string text =
@@ -127,7 +134,8 @@ std::string SummaryToText(const BundleSummary& summary) {
   for (const auto& [kind, count] : summary.associations) {
     text += fmt::format("left out {} of {} {}\n", count.rejected, count.tested, kind);
   }
-  if (summary.groups_dropped) text += fmt::format("left out {} groups\n", summary.groups_dropped);
+  if (summary.groups_dropped)
+    text += fmt::format("left out {}\n", Counted(summary.groups_dropped, "group"));
   if (summary.camera_shift_sigmas) {
     const char* what = summary.cameras_held ? "held: lines and structure would move them" : "moved";
     text += fmt::format("cameras {} by {:.2f} of their standard deviations from points alone\n",
@@ -141,10 +149,11 @@ std::string SummaryToText(const BundleSummary& summary) {
     text += fmt::format("weights of angular terms times {:.3g}: the variance of the noise, px^2\n",
                         summary.angular_weight_factor);
   }
-  text += fmt::format("{} iterations ({} accepted) in {} rounds, stopped: {}\n", s.iterations,
-                      s.accepted_steps, summary.rounds, NameOf(s.stop_reason));
-  text += fmt::format("{}, {} threads; reduced system {} unknowns, {:.1f} % dense", s.linear_solver,
-                      s.num_threads, s.reduced_system.size, 100.0 * s.reduced_system.density);
+  text += fmt::format("{} ({} accepted) in {}, stopped: {}\n", Counted(s.iterations, "iteration"),
+                      s.accepted_steps, Counted(summary.rounds, "round"), NameOf(s.stop_reason));
+  text += fmt::format("{}, {}; reduced system {} unknowns, {:.1f} % dense", s.linear_solver,
+                      Counted(s.num_threads, "thread"), s.reduced_system.size,
+                      100.0 * s.reduced_system.density);
   text += fmt::format(" (pairs of poses {:.1f} %, without wireframe {:.1f} %)\n",
                       100.0 * s.reduced_system.pose_density,
                       100.0 * s.reduced_system.pose_density_without_wireframe);
@@ -163,17 +172,18 @@ void WarnOfDoubts(const std::string& when, const Reconstruction& model) {
 }
 
 void WarnOfWhatWasHeld(const BundleSummary& summary) {
-  if (summary.points_seen_once + summary.lines_seen_once > 0) {
+  const size_t num_seen_once = summary.points_seen_once + summary.lines_seen_once;
+  if (num_seen_once > 0) {
     LogWarning(
-        "{} points and {} lines are seen by fewer than two images (in front of them): they say "
-        "nothing about the cameras, took no part and follow the image that sees them",
-        summary.points_seen_once, summary.lines_seen_once);
+        "{} and {} are seen by fewer than two images (in front of them) and say nothing about the "
+        "cameras, so that they take no part and follow the image that sees them",
+        Counted(summary.points_seen_once, "point"), Counted(summary.lines_seen_once, "line"));
   }
   for (const HeldIntrinsics& held : summary.held_intrinsics) {
     LogWarning(
-        "The intrinsics of camera {} stay as they are: {} observations are too few to estimate "
-        "them",
-        held.camera_id, held.num_observations);
+        "The intrinsics of camera {} stay as they are, as {} cannot determine them; let images "
+        "share a camera, or triangulate more points",
+        held.camera_id, Counted(held.num_observations, "observation"));
   }
   for (const HeldSensor& held : summary.held_sensors) {
     if (held.why == HeldSensor::Why::kStandsForReference) {
@@ -191,9 +201,9 @@ void WarnOfWhatWasHeld(const BundleSummary& summary) {
   }
   if (summary.num_parts > 1) {
     LogWarning(
-        "The model has {} parts that share no point, line or group: nothing says how they stand "
+        "The model has {} that share no point, line or group, so that nothing says how they stand "
         "to each other, and each keeps its own position, orientation and scale",
-        summary.num_parts);
+        Counted(summary.num_parts, "part"));
   }
 }
 
@@ -248,12 +258,15 @@ std::vector<GroupMeasurement> ReadGroupMeasurements(const std::string& path,
                                "the direction must not be zero and SIGMA_DEG must be positive");
     }
     if (!model.images.contains(m.image_id)) {
-      throw InputError::AtLine(path, number, fmt::format("the model has no image {}", m.image_id));
+      throw InputError::AtLine(
+          path, number, fmt::format("expected IMAGE_ID as in the model, found {}", m.image_id));
     }
     const Group3D* group = model.groups3D.Find(m.group3D_id);
     if (!group || !group->type->HasDirection()) {
       throw InputError::AtLine(
-          path, number, fmt::format("the model has no group {} with a direction", m.group3D_id));
+          path, number,
+          fmt::format("expected GROUP3D_ID of a group of the model with a direction, found {}",
+                      m.group3D_id));
     }
     measurements.push_back(m);
   }

@@ -15,6 +15,9 @@ namespace holba {
 // ones.
 nlohmann::json TermsToJson(std::span<const TermCost> terms);
 
+// "12 images, 100 points, 3 lines and 1 group".
+std::string ContentsText(const Reconstruction& model);
+
 nlohmann::json SummaryToJson(const BundleSummary& summary);
 std::string SummaryToText(const BundleSummary& summary);
 

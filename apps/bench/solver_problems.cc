@@ -114,9 +114,9 @@ SolverProblemSource MakeSource(const SolverProblemOptions& options, const std::s
         std::from_chars(number.data(), number.data() + number.size(), num_images);
     if (error != std::errc() || end != number.data() + number.size() ||
         num_images < family.min_images) {
-      throw InputError(
-          fmt::format("--problems: '{}' needs a number of images, at least {}, after '{}'", name,
-                      family.min_images, family.prefix));
+      throw InputError(fmt::format(
+          "--problems: expected a number of at least {1} images after '{2}', found '{0}'", name,
+          family.min_images, family.prefix));
     }
     return {name, [options, name, num_images, make = family.make] {
               return make(options, name, num_images);
@@ -124,7 +124,7 @@ SolverProblemSource MakeSource(const SolverProblemOptions& options, const std::s
   }
   std::string known = "bal, local";
   for (const Family& family : Families()) known += fmt::format(", {}N", family.prefix);
-  throw InputError(fmt::format("--problems: unknown problem '{}'; use {}", name, known));
+  throw InputError(fmt::format("--problems: expected one of {1}, found '{0}'", name, known));
 }
 
 }  // namespace

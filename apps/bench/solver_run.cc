@@ -223,8 +223,7 @@ std::vector<Competitor> Competitors(std::span<const int> num_threads,
     }
     std::string known;
     for (const Competitor& c : all) known += (known.empty() ? "" : ", ") + c.name;
-    throw InputError(
-        fmt::format("--solvers: no solver is called '{}'; there are {}", prefix, known));
+    throw InputError(fmt::format("--solvers: expected one of {1}, found '{0}'", prefix, known));
   }
   std::vector<Competitor> chosen;
   for (Competitor competitor : all) {

@@ -89,7 +89,7 @@ std::vector<int> WholeNumbers(std::string_view name, std::span<const double> num
     if (!(number >= low && number <= std::numeric_limits<int>::max()) ||
         number != std::floor(number)) {
       throw InputError(
-          fmt::format("--{}: {} is not a whole number of at least {}", name, number, low));
+          fmt::format("--{0}: expected a whole number at least {2}, found {1}", name, number, low));
     }
     whole.push_back(static_cast<int>(number));
   }

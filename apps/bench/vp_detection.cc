@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/base/timer.h"
 #include "holba/geometry/angle.h"
 
@@ -30,7 +31,7 @@ double NearestDeg(const Eigen::Vector3d& direction, const std::vector<Eigen::Vec
 
 LabelledSegments ReadImage(const std::filesystem::path& path) {
   std::ifstream file(path);
-  if (!file) throw InputError(path, "cannot be read");
+  if (!file) throw CannotBeRead(path, SystemFault());
   LabelledSegments image;
   image.name = path.stem().string();
   bool has_calibration = false;
@@ -58,14 +59,17 @@ LabelledSegments ReadImage(const std::filesystem::path& path) {
       image.segments.push_back(s);
       image.labels.push_back(label);
     } else {
-      throw InputError::AtLine(path, line, "expected K, vp or seg, found '" + kind + "'");
+      throw InputError::AtLine(
+          path, line, "expected K, vp or seg at the start of the line, found '" + kind + "'");
     }
   }
-  if (!has_calibration) throw InputError(path, "has no line K FX FY CX CY WIDTH HEIGHT");
+  if (!has_calibration)
+    throw InputError(path, "expected a line K FX FY CX CY WIDTH HEIGHT, found none");
   for (const int label : image.labels) {
     if (label >= static_cast<int>(image.directions.size())) {
-      throw InputError(path, fmt::format("a segment has label {}, but there are {} directions",
-                                         label, image.directions.size()));
+      throw InputError(
+          path, fmt::format("expected a label of a segment below {1} (lines vp) or -1, found {0}",
+                            label, image.directions.size()));
     }
   }
   return image;
@@ -127,12 +131,13 @@ std::vector<Measure> Measures() {
 }  // namespace
 
 std::vector<LabelledSegments> ReadLabelledSegments(const std::filesystem::path& folder) {
-  if (!std::filesystem::is_directory(folder)) throw InputError(folder, "is not a folder");
+  if (!std::filesystem::is_directory(folder)) throw FolderIsWanted(folder);
   std::vector<std::filesystem::path> paths;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (entry.path().extension() == ".txt") paths.push_back(entry.path());
   }
-  if (paths.empty()) throw InputError(folder, "holds no .txt files of labelled segments");
+  if (paths.empty())
+    throw InputError(folder, "expected .txt files of labelled segments in this folder, found none");
   std::sort(paths.begin(), paths.end());
   std::vector<LabelledSegments> images;
   for (const std::filesystem::path& path : paths) images.push_back(ReadImage(path));

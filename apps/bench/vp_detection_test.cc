@@ -66,7 +66,7 @@ TEST_F(LabelledFiles, AreReadByName) {
 }
 
 TEST_F(LabelledFiles, ThatAreMalformedAreRefusedWithTheirPlace) {
-  EXPECT_THAT(Message(), HasSubstr("holds no .txt files"));
+  EXPECT_THAT(Message(), HasSubstr("expected .txt files"));
   Write("a.txt", "K 700 700 320\n");
   EXPECT_THAT(Message(), HasSubstr("a.txt:1: expected K"));
   Write("a.txt", "K 700 700 320 240 640 480\nvp 0 0 0\n");
@@ -76,9 +76,10 @@ TEST_F(LabelledFiles, ThatAreMalformedAreRefusedWithTheirPlace) {
   Write("a.txt", "segment 1\n");
   EXPECT_THAT(Message(), HasSubstr("found 'segment'"));
   Write("a.txt", "vp 0 0 1\n");
-  EXPECT_THAT(Message(), HasSubstr("has no line K"));
+  EXPECT_THAT(Message(), HasSubstr("expected a line K"));
   Write("a.txt", "K 700 700 320 240 640 480\nvp 0 0 1\nseg 1 2 3 4 1\n");
-  EXPECT_THAT(Message(), HasSubstr("label 1, but there are 1"));
+  EXPECT_THAT(Message(),
+              HasSubstr("expected a label of a segment below 1 (lines vp) or -1, found 1"));
 }
 
 // Lines along x and y in front of a camera that looks along z: parallel in the image.

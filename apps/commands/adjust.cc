@@ -72,7 +72,7 @@ class AdjustJob : public Job {
     } else {
       WriteModel(model, output_path_, format_);
     }
-    PrintResult(invocation.json ? SummaryToJson(summary).dump(2) + "\n" : SummaryToText(summary));
+    PrintResult(invocation.json ? JsonText(SummaryToJson(summary)) : SummaryToText(summary));
   }
 
  private:

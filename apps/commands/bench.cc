@@ -166,7 +166,9 @@ class BenchJob : public Job {
   void RunAccuracy(const Invocation& invocation) const {
     AccuracyOptions options;
     const std::vector<int> sizes = Sizes({100});
-    if (sizes.size() != 1) throw InputError("--num_images: the benchmark accuracy takes one size");
+    if (sizes.size() != 1)
+      throw InputError(
+          "--num_images: expected one number for the benchmark accuracy, found several");
     options.scene = scene_;
     options.scene.num_images = sizes[0];
     if (visibility_ == VisibilityChoice::kDefault || visibility_ == VisibilityChoice::kBoth) {
@@ -216,7 +218,8 @@ class BenchJob : public Job {
 
   void RunVpDetection(const Invocation& invocation) const {
     if (data_path_.empty()) {
-      throw InputError("--data: the benchmark vp_detection needs a folder of labelled photographs");
+      throw InputError(
+          "--data: the benchmark vp_detection must have a folder of labelled photographs");
     }
     VpDetectionOptions options;
     options.detection = vanishing_points_;
@@ -238,7 +241,7 @@ class BenchJob : public Job {
     options.clock = clock_;
     options.scene = scene_;
     if (visibility_ == VisibilityChoice::kBoth)
-      throw InputError("--visibility: times are of one visibility at once");
+      throw InputError("--visibility: expected one visibility, of which the times are, found both");
     options.scene.visibility = SingleVisibility();
     options.solver = solver_;
     const std::vector<TimingCase> cases =
@@ -251,7 +254,7 @@ class BenchJob : public Job {
                     const nlohmann::json& results) {
     std::string text;
     for (const Table& table : tables) text += (text.empty() ? "" : "\n") + table.Markdown();
-    PrintResult(invocation.json ? nlohmann::json{{"results", results}}.dump(2) + "\n" : text);
+    PrintResult(invocation.json ? JsonText({{"results", results}}) : text);
   }
 
   Benchmark benchmark_ = Benchmark::kIterations;

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "apps/command.h"
+#include "apps/report.h"
 #include "holba/base/log.h"
 #include "holba/io/bal.h"
 #include "holba/io/files.h"
@@ -63,8 +64,7 @@ class ConvertJob : public Job {
         WriteBal(model, output_path_);
         break;
     }
-    LogInfo("Wrote {} images, {} points, {} lines and {} groups to {}", model.images.size(),
-            model.points3D.size(), model.lines3D.size(), model.groups3D.size(), output_path_);
+    LogInfo("Wrote {} to {}", ContentsText(model), output_path_);
   }
 
  private:

@@ -10,6 +10,7 @@
 #include "apps/report.h"
 #include "holba/base/error.h"
 #include "holba/base/log.h"
+#include "holba/base/words.h"
 #include "holba/bundle/adjust_bundle.h"
 #include "holba/evaluation/ground_truth.h"
 #include "holba/io/bal.h"
@@ -24,20 +25,20 @@ nlohmann::json TruthErrorsToJson(const Reconstruction& model, const Reconstructi
   ReportPairing(pairing, truth_path);
   if (!pairing.features_have_same_ids && !model.points3D.empty() && !truth.points3D.empty()) {
     LogWarning(
-        "{}: points of one id are not the same in the model and in the truth, so poses only are "
-        "compared",
+        "{}: points of one id are not the same in the model and in the truth, so that only poses "
+        "are compared",
         truth_path);
   }
   const std::optional<GroundTruthErrors> errors = CompareToTruth(model, truth, pairing, basis);
   if (!errors)
-    throw InputError(truth_path,
-                     "has no image in common with the model: errors cannot be measured");
+    throw InputError(
+        truth_path,
+        "has no image in common with the model; give the true poses of the same images");
   const Alignment& alignment = errors->alignment;
   if (alignment.num_left_out > 0) {
-    LogInfo(
-        "Aligned by {} positions of camera centres and points; {} more are far off and were left "
-        "out",
-        alignment.num_positions - alignment.num_left_out, alignment.num_left_out);
+    LogInfo("Aligned by {} of camera centres and points; {} {} far off and left out",
+            Counted(alignment.num_positions - alignment.num_left_out, "position"),
+            Counted(alignment.num_left_out, "other"), Agree(alignment.num_left_out, "is", "are"));
   }
   nlohmann::json object = nlohmann::json::object();
   for (const auto& [name, value] : errors->Named()) object[name] = value;
@@ -80,7 +81,7 @@ class EvaluateJob : public Job {
           TruthErrorsToJson(model, ReadPoses(ground_truth_path_), ground_truth_path_, alignment_);
     }
     if (invocation.json) {
-      PrintResult(result.dump(2) + "\n");
+      PrintResult(JsonText(result));
       return;
     }
     std::string text = fmt::format("{:<18} {:>10} {:>8} {:>16} {:>12}\n", "term", "residuals",

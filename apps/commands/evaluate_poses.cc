@@ -71,10 +71,13 @@ class EvaluatePosesJob : public Job {
   void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
 
   void Run(const Invocation& invocation) override {
-    if (thresholds_deg_.empty()) throw InputError("--thresholds_deg: give at least one threshold");
+    if (thresholds_deg_.empty())
+      throw InputError("--thresholds_deg: expected at least one threshold, found none");
     const Reconstruction truth = ReadPoses(ground_truth_path_);
     if (truth.images.size() < 2) {
-      throw InputError(ground_truth_path_, "a pose comparison needs at least two true images");
+      throw InputError(
+          ground_truth_path_,
+          "expected at least two images with poses, whose relative pose is compared, found fewer");
     }
     std::optional<PoseErrors> errors;
     for (const fs::path& path : FindModels(input_path_)) {
@@ -104,7 +107,7 @@ class EvaluatePosesJob : public Job {
     json["registered_pairs"] = errors.registered_pairs;
     json["rotation_deg"] = summary(errors.rotation_deg);
     json["translation_deg"] = summary(errors.translation_deg);
-    return json.dump(2) + "\n";
+    return JsonText(json);
   }
 
   std::string Table(const PoseErrors& errors) const {

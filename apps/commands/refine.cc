@@ -12,8 +12,10 @@
 #include "apps/refine/report.h"
 #include "apps/report.h"
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/base/log.h"
 #include "holba/base/timer.h"
+#include "holba/bundle/plausibility.h"
 #include "holba/bundle/uncertainty.h"
 #include "holba/estimation/lines/line_leave_one_out.h"
 #include "holba/frontend/photographs/opencv_threads.h"
@@ -70,7 +72,7 @@ class RefineJob : public Job {
     WarnOfDoubts("After the adjustment", model);
     Write(model, &output);
     output.total_seconds = timer.Seconds();
-    PrintResult(invocation.json ? RefineToJson(output, model).dump(2) + "\n"
+    PrintResult(invocation.json ? JsonText(RefineToJson(output, model))
                                 : RefineToText(output, model));
   }
 
@@ -97,18 +99,19 @@ class RefineJob : public Job {
   // Throws InputError for what cannot be refined, before anything is computed or written.
   Reconstruction Read() const {
     if (!std::filesystem::is_directory(image_path_))
-      throw InputError(image_path_, "there is no such folder (--image_path)");
+      throw NoSuchFolder(image_path_, "--image_path");
     detection_.Check();
     if (!detection_.imports.correspondences.empty() && regions_.matching != RegionMatching::kWarp) {
       throw InputError(
-          "--Import.correspondences_path needs --Regions.matching warp: votes of features do not "
-          "use it");
+          "--Import.correspondences_path must go with --Regions.matching warp, as votes of "
+          "features do not use it");
     }
     Reconstruction model = ReadModel(input_path_, read_);
     if (model.images.empty() || model.points3D.empty()) {
-      throw InputError(input_path_,
-                       "this model has no images or no points; structure is built on poses and "
-                       "points: triangulate first (colmap point_triangulator)");
+      throw InputError(
+          input_path_,
+          std::string("this model has no images or no points, on which structure is built; ") +
+              kTriangulateFirst);
     }
     RefuseWithoutResiduals(input_path_, model);
     WarnOfDoubts("Before the adjustment", model);
@@ -124,8 +127,8 @@ class RefineJob : public Job {
 
     const std::filesystem::path database_path = DatabasePath();
     Database database(database_path);
-    CheckDatabase(database, photographs_, *model);
-    const std::map<image_t, image_t> database_id = database.MatchImages(*model);
+    const std::map<image_t, image_t> database_id =
+        database.MatchImages(*model, CheckDatabase(database, photographs_, *model));
     std::map<image_t, ImportedSegments> imported;
     const ImageFeatureMap features = DetectFeatures(detection_, photographs_, *model, database_id,
                                                     &database, &imported, &output->detection);
@@ -149,8 +152,8 @@ class RefineJob : public Job {
                                  [](const std::string& text) { LogInfo("{}", text); });
     if (model->lines3D.empty()) {
       LogWarning(
-          "No 3D lines were found; the report says at which step they were lost (a line needs {} "
-          "images)",
+          "No 3D lines were found that {} or more images see; the report says where they were "
+          "lost, under \"Not taken, and why\"",
           refine_.structure.lines.min_images);
     }
     output->leave_one_out = LeaveOneOut(*model, 4, num_threads);
@@ -178,8 +181,8 @@ class RefineJob : public Job {
                     [&](std::ostream* stream) { FormatUncertainty(*uncertainty, stream); });
       } else {
         LogWarning(
-            "No covariances: the normal equations are singular (covariances.txt was not "
-            "written)");
+            "The file covariances.txt was not written, as the observations do not determine all "
+            "poses, points and lines");
       }
     }
     StagePictures(model, photographs_, WithoutPhotograph(*output), num_pictures_,

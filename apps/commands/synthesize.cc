@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "apps/command.h"
+#include "apps/report.h"
 #include "holba/base/log.h"
 #include "holba/io/files.h"
 #include "holba/io/model_io.h"
@@ -44,9 +45,8 @@ class SynthesizeJob : public Job {
       return (folder == kTruth || folder == kPerturbed) && IsModelFile(name.substr(slash + 1));
     });
     const Reconstruction& model = problem.truth;
-    LogInfo("Wrote {} images, {} points, {} lines, {} groups and {} wireframe edges to {}",
-            model.images.size(), model.points3D.size(), model.lines3D.size(), model.groups3D.size(),
-            model.wireframe.size(), output_path_);
+    LogInfo("Wrote the models truth and perturbed, each of {}, to {}", ContentsText(model),
+            output_path_);
   }
 
  private:

@@ -32,14 +32,14 @@ struct Similarity {
 // `source` names the option or file for messages.
 Sim3d ToSim3d(const Similarity& s, const std::string& source) {
   if (!(s.scale > 0) || !std::isfinite(s.scale)) {
-    throw InputError(source + ": the scale must be greater than 0");
+    throw InputError(source + ": the scale must be a number greater than 0");
   }
   if (s.rotation.size() != 4) {
-    throw InputError(source + ": a rotation has 4 numbers qw,qx,qy,qz, found " +
+    throw InputError(source + ": expected 4 numbers qw,qx,qy,qz of a rotation, found " +
                      std::to_string(s.rotation.size()));
   }
   if (s.translation.size() != 3) {
-    throw InputError(source + ": a translation has 3 numbers x,y,z, found " +
+    throw InputError(source + ": expected 3 numbers x,y,z of a translation, found " +
                      std::to_string(s.translation.size()));
   }
   Sim3d sim;
@@ -56,11 +56,13 @@ Sim3d ToSim3d(const Similarity& s, const std::string& source) {
 }
 
 Sim3d ReadSimilarity(const std::string& path) {
+  constexpr const char* kExpectedJson =
+      "expected {\"scale\": s, \"rotation\": [qw, qx, qy, qz], \"translation\": [x, y, z]}";
   const std::string bytes = ReadFileBytes(path);
   Similarity s;
   try {
     const nlohmann::json json = nlohmann::json::parse(bytes);
-    if (!json.is_object()) throw InputError(path, "expected a JSON object");
+    if (!json.is_object()) throw InputError(path, kExpectedJson);
     for (const auto& [key, value] : json.items()) {
       if (key == "scale") {
         s.scale = value.get<double>();
@@ -69,13 +71,11 @@ Sim3d ReadSimilarity(const std::string& path) {
       } else if (key == "translation") {
         s.translation = value.get<std::vector<double>>();
       } else {
-        throw InputError(path, "unknown key '" + key + "'; known are scale, rotation, translation");
+        throw InputError(path, "expected scale, rotation or translation, found '" + key + "'");
       }
     }
   } catch (const nlohmann::json::exception& error) {
-    throw InputError(path, std::string("expected {\"scale\": s, \"rotation\": [qw, qx, qy, qz], "
-                                       "\"translation\": [x, y, z]}: ") +
-                               error.what());
+    throw InputError(path, fmt::format("{} ({})", kExpectedJson, error.what()));
   }
   return ToSim3d(s, path);
 }
@@ -118,7 +118,9 @@ class TransformJob : public Job {
   void Run(const Invocation& invocation) override {
     const bool has_options = similarity_ != Similarity{};
     if (has_options && !transform_path_.empty()) {
-      throw InputError("--transform_path cannot go with --scale, --rotation or --translation");
+      throw InputError(
+          "--transform_path cannot go with --scale, --rotation or --translation; give the file or "
+          "the options");
     }
     Sim3d new_from_old = transform_path_.empty()
                              ? ToSim3d(similarity_, "--scale, --rotation, --translation")
@@ -127,7 +129,9 @@ class TransformJob : public Job {
     if (normalize_) {
       const auto normalised_from_old = NormalisedFromWorld(model);
       if (!normalised_from_old) {
-        throw InputError(input_path_, "has no images, so there is nothing to normalise by");
+        throw InputError(input_path_,
+                         "has no images to normalise by; give --scale, --rotation or --translation "
+                         "instead of --normalize");
       }
       new_from_old = Compose(new_from_old, *normalised_from_old);
     }
@@ -145,7 +149,7 @@ class TransformJob : public Job {
         {"scale", sim.scale},
         {"rotation", {q.w(), q.x(), q.y(), q.z()}},
         {"translation", {sim.translation.x(), sim.translation.y(), sim.translation.z()}}};
-    return json.dump(2) + "\n";
+    return JsonText(json);
   }
 
   std::string input_path_;

@@ -152,9 +152,8 @@ std::string RefineToText(const RefineOutput& output, const Reconstruction& model
   const std::string vp_name(VanishingPointType().name);
   std::string text = fmt::format(
       "lines            {} ({} in 4 or more images, {} of these with ends known to 1 % of their "
-      "depth)\n"
-      "                 left-out images are foretold to {:.2f} px (median)\n"
-      "vanishing points {} with {} lines\n",
+      "depth)\n                 left-out images are predicted to {:.2f} px (median)\nvanishing "
+      "points {} with {} lines\n",
       model.lines3D.size(), counts.lines_in_4_images, s.lines.num_reliable_with_4_images,
       output.leave_one_out.median_px,
       counts.groups.contains(vp_name) ? counts.groups.at(vp_name) : 0, counts.lines_with_vp);

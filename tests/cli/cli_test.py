@@ -135,7 +135,7 @@ class Help(Case):
         for name in command_names():
             options = json.loads(holba(name, "--help", "json").stdout)["options"]
             if any(option["required"] for option in options):
-                self.assertIn("is required", self.refuses(name))
+                self.assertIn("must be given", self.refuses(name))
 
 
 class Errors(Case):
@@ -156,9 +156,9 @@ class Errors(Case):
                 (("convert", *paths, "--output_type", "doc"), "one of txt|bin|ply"),
                 (("convert", *paths, "--output_type"), "--output_type"),
                 (("convert", *paths, "stray"), "unexpected argument 'stray'"),
-                (("convert", "--output_path", output), "--input_path is required"),
-                (("convert", "--input_path", self.model), "--output_path is required"),
-                (("convert", "--input_path", "", "--output_path", output), "--input_path needs"),
+                (("convert", "--output_path", output), "--input_path must be given"),
+                (("convert", "--input_path", self.model), "--output_path must be given"),
+                (("convert", "--input_path", "", "--output_path", output), "--input_path must be given"),
                 (("transform", *paths, "--scale", "0"), "greater than 0"),
                 (("transform", *paths, "--scale", "large"), "'large'"),
                 (("transform", *paths, "--scale", "nan"), "'nan'"),
@@ -269,7 +269,7 @@ class Config(Case):
         config.write_bytes(b"\xef\xbb\xbf" + text.encode())
         self.succeeds("convert", "--config", config)
         config.write_bytes(text.encode("utf-16"))
-        self.assertIn("found UTF-16: save it as UTF-8", self.refuses("convert", "--config", config))
+        self.assertIn("found UTF-16; save it as UTF-8", self.refuses("convert", "--config", config))
 
     def test_the_command_line_overrides_the_file_and_the_file_the_default(self):
         output = self.folder / "output"
@@ -364,7 +364,7 @@ class Convert(Case):
 
 class Transform(Case):
     def test_a_transformation_that_cannot_be_read_is_named(self):
-        for path, message in [(self.folder, "expected a file, found something else"),
+        for path, message in [(self.folder, "expected a file, found a folder or device"),
                               (self.folder / "none.json", "there is no such file")]:
             self.assertIn(f"{path}: {message}", self.refuses(
                 "transform", "--input_path", self.model, "--output_path", self.folder / "o",
@@ -420,7 +420,7 @@ class Transform(Case):
         path = self.folder / "t.json"
         output = self.folder / "output"
         for text, part in [('{"scale": 0}', "greater than 0"), ('{"scala": 1}', "'scala'"),
-                           ('{"rotation": [1, 0]}', "4 numbers"), ("[1]", "JSON object"),
+                           ('{"rotation": [1, 0]}', "4 numbers"), ("[1]", 'expected {"scale": s'),
                            ('{"scale": "big"}', "t.json"), ("{", "t.json")]:
             path.write_text(text)
             self.assertIn(part, self.refuses("transform", "--input_path", self.model,

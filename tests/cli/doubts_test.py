@@ -45,7 +45,7 @@ class Doubts(unittest.TestCase):
         result = holba("adjust", "--input_path", model, "--output_path", self.output)
         self.assertEqual((result.returncode, result.stdout), (1, ""), result.stderr)
         self.assertRegex(result.stderr, "588 of 588 observations are of points behind their camera, so that nothing can be "
-                                        "adjusted: read as poses of cameras that look along -z with y up")
+                                        "adjusted; read as poses of cameras that look along -z with y up")
         self.assertFalse(self.output.exists())
         result = holba("evaluate", "--input_path", model)
         self.assertEqual(result.returncode, 0)

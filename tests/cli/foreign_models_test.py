@@ -48,7 +48,7 @@ class Case(unittest.TestCase):
 
 class ModelsOfOthers(Case):
     # What COLMAP refuses as well, and why.
-    REFUSED = {"foreign": "expected a COLMAP model", "robocam_noPoints_txt": "expected a COLMAP model"}
+    REFUSED = {"foreign": "expected a COLMAP model", "robocam_noPoints_txt": "found cameras.txt and images.txt without points3D.txt; triangulate points"}
     # Two images without any point, one with a quaternion that is far from a rotation: nothing to adjust.
     EMPTY = {"issue1902_txt"}
 

@@ -410,7 +410,7 @@ class Errors(Case):
         images = self.copy("images")
         (images / scene.image_name(2)).unlink()
         (images / scene.image_name(0)).write_text("text")
-        words = {0: ("no JPEG, PNG",), 2: ("--image_path must be the folder",)}
+        words = {0: ("expected a JPEG, PNG",), 2: ("--image_path must be the folder",)}
         message = self.refuses("--strict", 1, image_path=images)
         self.assertIn(str(images / scene.image_name(0)), message)
         self.assertIn(words[0][0], message)
@@ -487,7 +487,7 @@ class Errors(Case):
         self.assertIn("--image_path", self.refuses(image_path=self.folder / "absent"))
         self.assertIn("absent", self.refuses(input_path=self.folder / "absent"))
         self.assertIn("no SQLite database", self.refuses(database_path=SCENE / "model" / "images.txt"))
-        self.assertIn("this is a folder", self.refuses(database_path=SCENE / "model"))
+        self.assertIn("expected a file, found a folder", self.refuses(database_path=SCENE / "model"))
         self.assertTrue((SCENE / "model" / "images.txt").read_text().startswith("1 "))
 
     def test_a_model_without_points_is_refused_with_the_remedy(self):
@@ -495,19 +495,19 @@ class Errors(Case):
         (model / "points3D.txt").write_text("")
         images = [" ".join(row) + "\n\n" for row in records(model / "images.txt") if len(row) == 10]
         (model / "images.txt").write_text("".join(images))
-        self.assertIn("triangulate first", self.refuses(input_path=model))
+        self.assertIn("triangulate points first", self.refuses(input_path=model))
 
     def test_imports_that_are_missing_or_do_not_fit(self):
-        self.assertIn("needs --Import.segments_path",
+        self.assertIn("must go with --Import.segments_path",
                       self.refuses("--Import.line_matches_path", SCENE / "line_matches.txt"))
         for name in ("normals", "depths", "correspondences"):
-            self.assertIn("needs --Import.labels_path", self.refuses(f"--Import.{name}_path", SCENE / "normals"))
-        self.assertIn("needs --Regions.matching warp",
+            self.assertIn("must go with --Import.labels_path", self.refuses(f"--Import.{name}_path", SCENE / "normals"))
+        self.assertIn("must go with --Regions.matching warp",
                       self.refuses("--Import.labels_path", SCENE / "labels", "--Import.correspondences_path",
                                    SCENE / "warps"))
         for name in ("segments", "line_matches", "labels", "normals", "depths", "correspondences"):
             message = self.refuses(f"--Import.{name}_path", self.folder / "absent")
-            self.assertIn(f"(--Import.{name}_path)", message)
+            self.assertIn(f"check --Import.{name}_path", message)
             self.assertFalse((self.folder / "refused").exists())
         segments = self.copy("segments")
         with open(segments / f"{scene.image_name(0)}.txt", "a") as stream:

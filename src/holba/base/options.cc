@@ -193,7 +193,7 @@ std::string Option::TypeText() const {
 }
 
 void Option::Reject(const std::string& text) const {
-  throw InputError(fmt::format("--{}: '{}' is not {}", name, text, Expected(*this)));
+  throw InputError(fmt::format("--{}: expected {}, found '{}'", name, Expected(*this), text));
 }
 
 void Option::Set(const OptionValue& value) const {

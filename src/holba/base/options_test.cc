@@ -130,7 +130,8 @@ TEST(OptionTable, WhatIsNotAllowedIsRefusedAndChangesNothing) {
     }
     return "";
   };
-  EXPECT_THAT(refusal(1, -6), HasSubstr("--number: '-6' is not a whole number at least -5"));
+  EXPECT_THAT(refusal(1, -6),
+              HasSubstr("--number: expected a whole number at least -5, found '-6'"));
   EXPECT_THAT(refusal(1, 2.0), HasSubstr("a whole number"));
   EXPECT_THAT(refusal(3, 1.5), HasSubstr("between 0 and 1"));
   EXPECT_THAT(refusal(3, std::nan("")), HasSubstr("a number"));

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "holba/base/timer.h"
+#include "holba/base/words.h"
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/camera_shift.h"
 #include "holba/bundle/losses.h"
@@ -218,7 +219,8 @@ class Adjuster {
       text += fmt::format("{} {} of {} {}", text.empty() ? "" : ",", count.rejected, count.tested,
                           kind);
     }
-    log_(fmt::format("Associations left out:{}; groups: {}", text, report.groups_dropped));
+    log_(fmt::format("Associations left out:{}; with them {}", text,
+                     Counted(report.groups_dropped, "whole group")));
   }
 
   SolverOptions Short() const {
@@ -236,7 +238,7 @@ class Adjuster {
   }
   void Anneal(Problem* problem) {
     for (int round = 0; round < kMaxRounds && !stopped_; ++round) {
-      if (log_) log_(fmt::format("Cauchy scales:{}", scales_.Text()));
+      if (log_) log_(fmt::format("Scales of the Cauchy losses:{}", scales_.Text()));
       Solve(Short(), problem);
       if (scales_.Tighten(*problem)) break;
     }

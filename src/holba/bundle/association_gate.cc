@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <unordered_map>
+#include <vector>
 
 #include "holba/base/check.h"
 #include "holba/bundle/adjust_bundle.h"
@@ -48,6 +50,25 @@ struct LineEstimate {
   double start, end;  // of the seen part, along the direction from the anchor
 
   PlueckerLine Pluecker() const { return PlueckerLine::FromPointDirection(anchor, direction); }
+};
+
+// Of the features that take part. One whose residuals are all absent has none.
+template <typename Estimate>
+class Estimates {
+ public:
+  std::optional<Estimate>& Add(uint64_t id) {
+    HOLBA_CHECK(index_.Add(id).second);
+    return values_.emplace_back();
+  }
+  bool TakesPart(uint64_t id) const { return index_.contains(id); }
+  const Estimate* Find(uint64_t id) const {
+    const uint32_t idx = index_.Find(id);
+    return idx == FlatIndex::kNone || !values_[idx] ? nullptr : &*values_[idx];
+  }
+
+ private:
+  FlatIndex index_;
+  std::vector<std::optional<Estimate>> values_;
 };
 
 // Information (J^T W J) of every feature block with the cameras held, robust weights included.
@@ -126,17 +147,15 @@ class Tester {
                       &point_information);
     AddInformation<4>(problem, "line", NoisePx(problem, "line", 2, 4.0 * features.lines.size()),
                       &line_information);
-    if (!model.wireframe.empty()) {
-      for (const auto& [id, block] : features.points) point_idx_.Add(id);
-      for (const auto& [id, block] : features.lines) line_idx_.Add(id);
-    }
     for (const auto& [id, block] : features.points) {
+      std::optional<PointEstimate>& estimate = points_.Add(id);
       const auto it = point_information.find(block);
       if (it == point_information.end()) continue;
-      points_[id] = {Eigen::Map<const Eigen::Vector3d>(problem.values(block)),
-                     InverseOf<3>(it->second)};
+      estimate = {Eigen::Map<const Eigen::Vector3d>(problem.values(block)),
+                  InverseOf<3>(it->second)};
     }
     for (const auto& [id, block] : features.lines) {
+      std::optional<LineEstimate>& estimate = lines_.Add(id);
       const auto it = line_information.find(block);
       if (it == line_information.end()) continue;
       LineEstimate line;
@@ -147,7 +166,7 @@ class Tester {
       const Line3D& line3D = model.lines3D.at(id);
       line.start = line.direction.dot(line3D.start - line.anchor);
       line.end = line.direction.dot(line3D.end - line.anchor);
-      lines_[id] = line;
+      estimate = line;
     }
   }
 
@@ -156,7 +175,7 @@ class Tester {
     AssociationCount& edges = report_.counts["wireframe edges"];
     for (const WireframeEdge& edge : selection.wireframe) {
       // What takes no part (a single image sees it) is not tested either.
-      if (!point_idx_.contains(edge.point3D_id) || !line_idx_.contains(edge.line3D_id)) continue;
+      if (!points_.TakesPart(edge.point3D_id) || !lines_.TakesPart(edge.line3D_id)) continue;
       ++edges.tested;
       if (EdgeChiSquare(edge) < max_chi_square_[2]) continue;
       ++edges.rejected;
@@ -277,15 +296,15 @@ class Tester {
   }
 
   double EdgeChiSquare(const WireframeEdge& edge) const {
-    const auto point = points_.find(edge.point3D_id);
-    const auto line = lines_.find(edge.line3D_id);
-    if (point == points_.end() || line == lines_.end()) return HUGE_VAL;
-    const LineEstimate& l = line->second;
-    const Eigen::Vector3d v = point->second.X - l.anchor;
+    const PointEstimate* point = points_.Find(edge.point3D_id);
+    const LineEstimate* line = lines_.Find(edge.line3D_id);
+    if (point == nullptr || line == nullptr) return HUGE_VAL;
+    const LineEstimate& l = *line;
+    const Eigen::Vector3d v = point->X - l.anchor;
     const Eigen::Vector2d offset = l.basis.transpose() * v;
     Eigen::Matrix<double, 2, 4> by_line;
     by_line << -l.direction.dot(v) * Eigen::Matrix2d::Identity(), -Eigen::Matrix2d::Identity();
-    const Eigen::Matrix2d covariance = l.basis.transpose() * point->second.covariance * l.basis +
+    const Eigen::Matrix2d covariance = l.basis.transpose() * point->covariance * l.basis +
                                        by_line * l.covariance * by_line.transpose();
     return offset.dot(covariance.ldlt().solve(offset));
   }
@@ -329,12 +348,12 @@ class Tester {
     const GroupType& type = *group.type;
     Members members;
     for (point3D_t point_id : selected.point3D_ids) {
-      const auto it = points_.find(point_id);
-      if (it != points_.end()) members.points.emplace_back(point_id, &it->second);
+      const PointEstimate* point = points_.Find(point_id);
+      if (point != nullptr) members.points.emplace_back(point_id, point);
     }
     for (line3D_t line_id : selected.line3D_ids) {
-      const auto it = lines_.find(line_id);
-      if (it != lines_.end()) members.lines.emplace_back(line_id, &it->second);
+      const LineEstimate* line = lines_.Find(line_id);
+      if (line != nullptr) members.lines.emplace_back(line_id, line);
     }
     double g[kMaxGroupParams];
     if (members.size() == 0 || !type.from_file(group.params.data(), g)) {
@@ -385,9 +404,8 @@ class Tester {
   const Reconstruction& model_;
   const double confidence_;
   double max_chi_square_[kMaxDegreesOfFreedom + 1] = {};  // by degrees of freedom
-  FlatIndex point_idx_, line_idx_;                        // of the features that take part
-  std::unordered_map<point3D_t, PointEstimate> points_;
-  std::unordered_map<line3D_t, LineEstimate> lines_;
+  Estimates<PointEstimate> points_;
+  Estimates<LineEstimate> lines_;
   AssociationReport report_;
 };
 

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "holba/bundle/reprojection.h"
+#include "holba/scene/track_images.h"
 
 namespace holba {
 namespace {
@@ -22,17 +23,11 @@ std::vector<SeenOnce<Id>> SeenOnceOf(const Reconstruction& model,
                                      const IdMap<Id, Record>& records) {
   std::vector<SeenOnce<Id>> found;
   for (const auto& [id, record] : records) {
-    image_t first = kInvalidId32;
-    bool in_two = false;
-    for (const auto& observation : record.track) {
-      if (observation.image_id == first ||
-          !IsPresent(model, model.images.at(observation.image_id), record, observation))
-        continue;
-      in_two = first != kInvalidId32;
-      if (in_two) break;
-      first = observation.image_id;
-    }
-    if (!in_two) found.push_back({id, first});
+    const auto is_present = [&](const auto& observation) {
+      return IsPresent(model, model.images.at(observation.image_id), record, observation);
+    };
+    const TrackImages images = ImagesOfTrack(record.track, is_present);
+    if (!images.are_several) found.push_back({id, images.first});
   }
   return found;
 }

@@ -8,6 +8,7 @@
 #include <functional>
 #include <optional>
 
+#include "holba/base/words.h"
 #include "holba/geometry/angle.h"
 #include "holba/robust/median.h"
 
@@ -118,14 +119,14 @@ std::string CauseOf(const ReprojectionCheck& check, const Reconstruction& model)
     if (PresentShare(trial) < 0.9 || trial.median_px > 0.5 * kMaxMedianPx) continue;
     if (PresentShare(check) > 0.5 && trial.median_px > 0.1 * check.median_px) continue;
     return fmt::format(
-        "read as {} they would be {:.3g} px off in the median, so that this is "
-        "what they seem to be; {}",
+        "read as {} they would be {:.3g} px off in the median, which is what they seem to be, so "
+        "write them anew: {}",
         other.name, trial.median_px, kExpected);
   }
   if (PresentShare(check) > 0.5 && check.median_px < kMaxMedianPx)
-    return "single poses may be wrong, or points triangulated from wrong matches";
+    return "check the poses of single images, and the matches that points were triangulated from";
   return fmt::format(
-      "the poses may be camera-to-world or of another axis convention ({}), or the "
+      "check whether the poses are camera-to-world or of another axis convention ({}), or the "
       "cameras those of other images",
       kExpected);
 }
@@ -145,49 +146,49 @@ ReprojectionCheck CheckReprojections(const Reconstruction& model) { return Check
 
 std::vector<std::string> DoubtsOf(const ReprojectionCheck& check, const Reconstruction& model) {
   std::vector<std::string> doubts;
-  if (check.num_points == 0) doubts.push_back("the model has no points");
+  if (check.num_points == 0)
+    doubts.push_back("the model has no points, so that only its lines count");
   if (check.num_observations == 0) return doubts;
   const bool many_absent = PresentShare(check) < 1.0 - kMaxAbsentShare;
   const bool is_far_off = check.median_px > kMaxMedianPx;
   if (many_absent && IsOfFisheye(check) && !is_far_off) {
-    doubts.push_back(fmt::format(
-        "{} of {} observations count nothing: they lie at 90 degrees or more from the axis of a "
-        "fisheye camera, where neither COLMAP nor holba can project; mask the rim of the "
-        "photographs if the lens does not see so far",
-        check.num_absent, check.num_observations));
+    doubts.push_back(
+        fmt::format("{} of {} observations count nothing: they lie at 90 deg or more from the axis "
+                    "of a fisheye camera, where neither COLMAP nor holba can project; mask the rim "
+                    "of the photographs if the lens does not see so far",
+                    check.num_absent, check.num_observations));
   } else if (many_absent) {
     doubts.push_back(
-        fmt::format("{} and count nothing: {}", AbsentText(check), CauseOf(check, model)));
+        fmt::format("{} and count nothing; {}", AbsentText(check), CauseOf(check, model)));
   } else if (is_far_off) {
-    doubts.push_back(fmt::format(
-        "half of the observations are {:.0f} px or more from where the model has them, so that "
-        "poses, points and cameras do not belong together: {}",
-        check.median_px, CauseOf(check, model)));
+    doubts.push_back(
+        fmt::format("half of the observations are {:.0f} px or more from where the model has them, "
+                    "so that poses, points and cameras do not belong together; {}",
+                    check.median_px, CauseOf(check, model)));
   }
   if (!many_absent && check.median_angle_deg < kMinMedianAngleDeg) {
-    doubts.push_back(fmt::format(
-        "the rays of most points meet at {:.2g} degrees or less: the cameras turn in one place, or "
-        "all points are very far, so that depths and camera positions are not determined",
-        check.median_angle_deg));
+    doubts.push_back(
+        fmt::format("the rays of most points meet at {:.2g} deg or less (the cameras turn in one "
+                    "place, or all points are very far), so that depths and camera positions are "
+                    "not determined; use images from more places",
+                    check.median_angle_deg));
   }
   return doubts;
 }
 
 std::string WhyNothingIsLeft(const Reconstruction& model) {
   if (model.points3D.empty() && model.lines3D.empty()) {
-    return "this model has no points and no lines, so that there is nothing to adjust; triangulate "
-           "first (colmap point_triangulator)";
+    return std::string("this model has no points and no lines to adjust; ") + kTriangulateFirst;
   }
   const ReprojectionCheck check = CheckReprojections(model);
   if (check.num_observations > 0 && check.num_absent == check.num_observations) {
-    return fmt::format("{}, so that nothing can be adjusted: {}", AbsentText(check),
+    return fmt::format("{}, so that nothing can be adjusted; {}", AbsentText(check),
                        CauseOf(check, model));
   }
   return fmt::format(
-      "nothing is left to adjust: of {} points and {} lines none takes part that two images see in "
-      "front of them (--Bundle.config, --Bundle.fix_points and --Bundle.fix_lines say what takes "
-      "part)",
-      model.points3D.size(), model.lines3D.size());
+      "nothing is left to adjust, as of {} and {} none takes part that two images see in front of "
+      "them; --Bundle.config, --Bundle.fix_points and --Bundle.fix_lines say what takes part",
+      Counted(model.points3D.size(), "point"), Counted(model.lines3D.size(), "line"));
 }
 
 }  // namespace holba

@@ -11,6 +11,10 @@
 
 namespace holba {
 
+// What to do about a model without points.
+inline constexpr const char* kTriangulateFirst =
+    "triangulate points first (colmap point_triangulator)";
+
 // Points in their images.
 struct ReprojectionCheck {
   size_t num_points = 0;

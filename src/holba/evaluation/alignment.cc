@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "holba/base/random.h"
+#include "holba/scene/track_images.h"
 
 namespace holba {
 namespace {
@@ -46,10 +47,7 @@ Eigen::Quaterniond MeanRotation(std::span<const Eigen::Quaterniond> rotations) {
 }
 
 bool IsSeenOnce(const Point3D& point) {
-  return !point.track.empty() &&
-         std::all_of(point.track.begin(), point.track.end(), [&](const PointObservation& o) {
-           return o.image_id == point.track.front().image_id;
-         });
+  return ImagesOfTrack(point.track, [](const PointObservation&) { return true; }).IsOne();
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "holba/base/error.h"
 #include "holba/base/log.h"
+#include "holba/base/words.h"
 #include "holba/scene/name_pairing.h"
 
 namespace holba {
@@ -103,14 +104,14 @@ void ReportPairing(const ImagePairing& pairing, const std::filesystem::path& tru
             pairing.unpaired_model, pairing.unpaired_truth));
   }
   if (pairing.num_by_ending > 0) {
-    LogInfo("Paired {} images by their whole names and {} by the ends of their paths: {}",
-            pairing.num_whole, pairing.num_by_ending, pairing.examples);
+    LogInfo("{}", HowPaired("image", pairing.num_whole, pairing.num_by_ending, pairing.examples));
   }
   if (pairing.num_ambiguous > 0) {
     LogWarning(
-        "{} true images fit several images of the model equally well and were left out, as "
-        "'{}'",
-        pairing.num_ambiguous, pairing.unpaired_truth);
+        "{} {} several images of the model equally well and {} left out, for example '{}'; give "
+        "both models the same names",
+        Counted(pairing.num_ambiguous, "true image"), Agree(pairing.num_ambiguous, "fits", "fit"),
+        Agree(pairing.num_ambiguous, "is", "are"), pairing.unpaired_truth);
   }
 }
 

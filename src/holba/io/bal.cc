@@ -65,10 +65,10 @@ BalIntrinsics IntrinsicsForBal(camera_t camera_id, const Camera& camera) {
   if (model == "PINHOLE" && p[0] == p[1]) return {p[0], 0.0, 0.0, p[2], p[3]};
   if (model == "SIMPLE_RADIAL") return {p[0], p[3], 0.0, p[1], p[2]};
   if (model == "RADIAL") return {p[0], p[3], p[4], p[1], p[2]};
-  throw InputError(fmt::format(
-      "camera {} is {}{}, which a BAL problem cannot hold (it knows one focal length and two "
-      "radial coefficients): write a model folder instead",
-      camera_id, model, model == "PINHOLE" ? " with fx != fy" : ""));
+  throw InputError(
+      fmt::format("camera {} is {}{}, which a BAL problem cannot hold (it knows one focal length "
+                  "and two radial coefficients); write a model folder instead",
+                  camera_id, model, model == "PINHOLE" ? " with fx != fy" : ""));
 }
 
 }  // namespace

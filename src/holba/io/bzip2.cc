@@ -58,11 +58,12 @@ std::string UnpackBzip2(std::string_view bytes, const std::filesystem::path& pat
     int result = BZ_OK;
     while (result == BZ_OK && unpacked.size() < at_most) {
       if (bytes.empty() && !stream.has_output())
-        throw InputError(path, "the end of the packed data (bzip2) is missing: it is truncated");
+        throw InputError(path,
+                         "the end of the packed data (bzip2) is missing; fetch the file again");
       result = stream.Unpack(&bytes, &piece, &unpacked);
     }
     if (result != BZ_OK && result != BZ_STREAM_END)
-      throw InputError(path, "the packed data (bzip2) is damaged: fetch the file again");
+      throw InputError(path, "the packed data (bzip2) is damaged; fetch the file again");
   }
   unpacked.resize(std::min(unpacked.size(), at_most));
   return unpacked;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <unordered_map>
 
+#include "holba/io/record_faults.h"
+
 namespace holba {
 namespace {
 
@@ -90,7 +92,7 @@ Rigid3d ReadPose(In& in, const std::string& what) {
   pose.rotation.z() = in.Real("QZ");
   NormaliseAsColmap(&pose.rotation);
   pose.translation = ReadVector3(in, "TX", "TY", "TZ");
-  if (const Fault fault = FindFault(pose)) in.FailRecord(what + " " + *fault);
+  if (const Fault fault = FindFault(pose)) in.FailRecord(FaultOf(what, *fault));
   return pose;
 }
 
@@ -131,10 +133,10 @@ void ReadCameraRecords(In& in, Reconstruction* model) {
     for (int i = 0; i < camera.model->num_params; ++i) camera.params.push_back(in.Real("PARAMS"));
     in.EndRecord();
     if (const Fault fault = FindFault(camera)) {
-      in.FailRecord(fmt::format("camera {} {}", camera_id, *fault));
+      in.FailRecord(FaultOf(fmt::format("camera {}", camera_id), *fault));
     }
     if (!model->cameras.Add(camera_id, std::move(camera))) {
-      in.FailRecord(fmt::format("camera {} is there twice", camera_id));
+      in.FailRecord(ThereTwice(fmt::format("camera {}", camera_id)));
     }
   }
 }
@@ -150,8 +152,7 @@ void ReadRigRecords(In& in, Reconstruction* model) {
     for (size_t i = 0; i < num_sensors; ++i) {
       const SensorId sensor = ReadSensor(in);
       if (sensor.type == SensorType::kCamera && !model->cameras.contains(sensor.id)) {
-        in.Fail(
-            fmt::format("rig {} names {}, which is not in the model", rig_id, ToString(sensor)));
+        in.Fail(NamesWhatIsMissing(fmt::format("rig {}", rig_id), ToString(sensor)));
       }
       sensors.push_back(sensor);
       if (i == 0) {
@@ -170,10 +171,10 @@ void ReadRigRecords(In& in, Reconstruction* model) {
     std::sort(sensors.begin(), sensors.end());
     const auto twice = std::adjacent_find(sensors.begin(), sensors.end());
     if (twice != sensors.end()) {
-      in.FailRecord(fmt::format("rig {} has {} twice", rig_id, ToString(*twice)));
+      in.FailRecord(ThereTwice(fmt::format("{} of rig {}", ToString(*twice), rig_id)));
     }
     if (!model->rigs.Add(rig_id, std::move(rig))) {
-      in.FailRecord(fmt::format("rig {} is there twice", rig_id));
+      in.FailRecord(ThereTwice(fmt::format("rig {}", rig_id)));
     }
   }
 }
@@ -199,23 +200,25 @@ void ReadFrameRecords(In& in, Reconstruction* model) {
     frame.rig_id = in.Key32("RIG_ID");
     const Rig* rig = model->rigs.Find(frame.rig_id);
     if (rig == nullptr) {
-      in.Fail(
-          fmt::format("frame {} names rig {}, which is not in the model", frame_id, frame.rig_id));
+      in.Fail(NamesWhatIsMissing(fmt::format("frame {}", frame_id),
+                                 fmt::format("rig {}", frame.rig_id)));
     }
     if constexpr (kHasPose) frame.rig_from_world = ReadPose(in, fmt::format("frame {}", frame_id));
     for (size_t left = in.Count32("NUM_DATA_IDS", 16); left > 0; --left) {
       Frame::Data data;
       data.sensor = ReadSensor(in);
       if (!HasSensor(*rig, data.sensor)) {
-        in.Fail(fmt::format("frame {} has data of {}, which is not in its rig {}", frame_id,
-                            ToString(data.sensor), frame.rig_id));
+        in.Fail(FaultOf(fmt::format("frame {}", frame_id),
+                        fmt::format("has data of {}, which is not in its rig {}",
+                                    ToString(data.sensor), frame.rig_id)));
       }
       data.data_id = in.Key("DATA_ID");
       if (data.sensor.type == SensorType::kCamera) {
         const auto [other, is_new] = frame_of_image.emplace(data.data_id, frame_id);
         if (!is_new) {
-          in.Fail(fmt::format("image {} is in frame {} and again in frame {}", data.data_id,
-                              other->second, frame_id));
+          in.Fail(FaultOf(
+              fmt::format("image {}", data.data_id),
+              fmt::format("is in frame {} and again in frame {}", other->second, frame_id)));
         }
       }
       frame.data.push_back(data);
@@ -223,7 +226,7 @@ void ReadFrameRecords(In& in, Reconstruction* model) {
     in.EndRecord();
     auto& frames = kHasPose ? model->frames : model->unregistered_frames;
     if ((!kHasPose && model->frames.contains(frame_id)) || !frames.Add(frame_id, std::move(frame))) {
-      in.FailRecord(fmt::format("frame {} is there twice", frame_id));
+      in.FailRecord(ThereTwice(fmt::format("frame {}", frame_id)));
     }
   }
 }
@@ -252,16 +255,14 @@ void JoinFrame(In& in, const Reconstruction& model,
                Image* image) {
   const auto found = frames.find(image_id);
   if (found == frames.end()) {
-    in.FailRecord(
-        fmt::format("image {} is in no frame of the frames file (which every image must be in if "
-                    "there are rigs and frames)",
-                    image_id));
+    in.FailRecord(fmt::format(
+        "image {} is in no frame; it must be in one, as the model has rigs and frames", image_id));
   }
   const SensorId sensor{SensorType::kCamera, image->camera_id};
   if (found->second.sensor != sensor) {
-    in.FailRecord(fmt::format("image {} is of {}, but its frame {} says {}", image_id,
-                              ToString(sensor), found->second.frame_id,
-                              ToString(found->second.sensor)));
+    in.FailRecord(FaultOf(fmt::format("image {}", image_id),
+                          fmt::format("is of {}, but its frame {} says {}", ToString(sensor),
+                                      found->second.frame_id, ToString(found->second.sensor))));
   }
   image->frame_id = found->second.frame_id;
   const Frame* registered = model.frames.Find(image->frame_id);
@@ -273,8 +274,9 @@ void JoinFrame(In& in, const Reconstruction& model,
     const auto member = std::find_if(rig.sensors.begin(), rig.sensors.end(),
                                      [&](const Rig::Sensor& other) { return other.id == sensor; });
     if (!member->sensor_from_rig) {
-      in.FailRecord(fmt::format("image {} is of {}, whose pose in rig {} is unknown", image_id,
-                                ToString(sensor), frame.rig_id));
+      in.FailRecord(FaultOf(fmt::format("image {}", image_id),
+                            fmt::format("is of {}, whose pose in rig {} is unknown",
+                                        ToString(sensor), frame.rig_id)));
     }
     pose = *member->sensor_from_rig * frame.rig_from_world;
   }
@@ -304,8 +306,8 @@ void ReadImageRecords(In& in, Reconstruction* model,
                                            .height = 1,
                                            .params = {1, 0.5, 0.5}});
     } else if (!model->cameras.contains(image.camera_id)) {
-      in.Fail(fmt::format("image {} names camera {}, which is not in the model", image_id,
-                          image.camera_id));
+      in.Fail(NamesWhatIsMissing(fmt::format("image {}", image_id),
+                                 fmt::format("camera {}", image.camera_id)));
     }
     size_t list;
     if constexpr (In::kBinary) {
@@ -335,7 +337,7 @@ void ReadImageRecords(In& in, Reconstruction* model,
     in.EndRecord();
     auto& images = kHasPose ? model->images : model->unregistered_images;
     if ((!kHasPose && model->images.contains(image_id)) || !images.Add(image_id, std::move(image))) {
-      in.FailRecord(fmt::format("image {} is there twice", image_id));
+      in.FailRecord(ThereTwice(fmt::format("image {}", image_id)));
     }
   }
   if (!has_frames) model->AddTrivialRigsAndFrames();
@@ -358,7 +360,7 @@ void ReadPointRecords(In& in, Reconstruction* model) {
     }
     in.EndRecord();
     if (!model->points3D.Add(point3D_id, std::move(point))) {
-      in.FailRecord(fmt::format("3D point {} is there twice", point3D_id));
+      in.FailRecord(ThereTwice(fmt::format("3D point {}", point3D_id)));
     }
   }
 }
@@ -369,10 +371,10 @@ void CheckNameFitsText(image_t image_id, const std::string& name) {
       !is_blank(name.back())) {
     return;
   }
-  throw InputError(
-      fmt::format("image {} has the name '{}', which a text file cannot hold (it is empty, has a "
-                  "line break, or a blank at an end): write a binary model, or rename the image",
-                  image_id, name));
+  throw InputError(fmt::format(
+      "image {} has the name '{}', which a text file cannot hold (it is empty, has a line break, "
+      "or a blank at an end); write a binary model (--output_type bin), or rename the image",
+      image_id, name));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "holba/base/check.h"
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/io/database_statement.h"
 #include "holba/io/files.h"
 
@@ -114,7 +115,7 @@ const std::vector<TableColumns>& RequiredColumns() {
 Database::Database(const std::filesystem::path& path) : path_(path) {
   std::error_code error;
   if (std::filesystem::is_directory(path, error)) {
-    throw InputError(path, "this is a folder; give the file of a COLMAP database");
+    throw FileIsWanted(path);
   }
   if (path.has_parent_path()) std::filesystem::create_directories(path.parent_path(), error);
   const int code =
@@ -142,7 +143,7 @@ void ProbeDatabase(const std::filesystem::path& path) {
   // An empty file is one that a database will be made in.
   if (error || size == 0) {
     if (std::filesystem::is_directory(path)) {
-      throw InputError(path, "this is a folder; give the file of a COLMAP database");
+      throw FileIsWanted(path);
     }
     return ProbeFile(path);
   }
@@ -177,12 +178,12 @@ void Database::CheckSchema() {
   }
   for (const auto& [table, columns] : RequiredColumns()) {
     const std::string remedy =
-        ": this is no database of COLMAP; give one, or a file that does not exist yet to make one";
-    if (!HasTable(table)) throw InputError(path_, fmt::format("no table '{}'{}", table, remedy));
+        "give a database of COLMAP, or a file that does not exist yet to make one";
+    if (!HasTable(table)) throw InputError(path_, fmt::format("no table '{}'; {}", table, remedy));
     for (const char* column : columns) {
       if (!HasColumn(table, column)) {
         throw InputError(path_,
-                         fmt::format("no column '{}' in table '{}'{}", column, table, remedy));
+                         fmt::format("no column '{}' in table '{}'; {}", column, table, remedy));
       }
     }
   }
@@ -195,14 +196,14 @@ void Database::CheckSchema() {
     Statement version(*this, "SELECT version FROM holba_version");
     if (!version.Step() || version.GetInteger(0) < 1) {
       throw InputError(path_,
-                       "table holba_version holds no version: the database is damaged; "
-                       "delete all tables named holba_* (DROP TABLE), they are made anew");
+                       "the database is damaged (its table holba_version holds no version); delete "
+                       "all tables named holba_* (DROP TABLE), which are then made anew");
     }
     if (version.GetInteger(0) > kOurVersion) {
-      throw InputError(
-          path_, fmt::format("its tables holba_* have version {}, this program knows versions up "
-                             "to {}; use a later holba, or another database",
-                             version.GetInteger(0), kOurVersion));
+      throw InputError(path_,
+                       fmt::format("its tables holba_* have version {}, this program knows "
+                                   "versions up to {}; use a newer holba, or another database",
+                                   version.GetInteger(0), kOurVersion));
     }
     has_our_tables_ = true;
   }
@@ -245,6 +246,7 @@ void Database::Execute(const std::string& sql) {
 }
 
 void Database::FailSql(int code, const std::string& sql) const {
+  constexpr const char* kMakeAnew = "use a copy, or delete it and extract and match anew";
   const std::string said = handle_ == nullptr ? sqlite3_errstr(code) : sqlite3_errmsg(handle_);
   switch (code & 0xff) {
     case SQLITE_NOTADB:
@@ -252,9 +254,7 @@ void Database::FailSql(int code, const std::string& sql) const {
                        "this is no SQLite database; give a COLMAP database, or a file that does "
                        "not exist yet to make one");
     case SQLITE_CORRUPT:
-      throw InputError(path_, fmt::format("the database is damaged ({}); use a copy, or delete it "
-                                          "and extract and match anew",
-                                          said));
+      throw InputError(path_, fmt::format("the database is damaged ({}); {}", said, kMakeAnew));
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
       throw InputError(path_,
@@ -267,15 +267,18 @@ void Database::FailSql(int code, const std::string& sql) const {
                                           said));
     case SQLITE_FULL:
     case SQLITE_IOERR:
-      throw InputError(path_, fmt::format("reading or writing failed ({}); check the disk and its "
-                                          "free space",
-                                          said));
+      throw InputError(
+          path_,
+          fmt::format(
+              "the database cannot be read or written ({}); check the disk and its free space",
+              said));
     case SQLITE_CONSTRAINT:
-      throw InputError(path_, fmt::format("{}: an id or name is taken already, or belongs to "
-                                          "nothing in the database ({})",
-                                          said, sql));
+      throw InputError(path_, fmt::format("an id or a name is taken already, or belongs to nothing "
+                                          "in the database ({}, in {}); {}",
+                                          said, sql, kMakeAnew));
     default:
-      throw InputError(path_, fmt::format("SQLite says '{}' ({}) of: {}", said, code, sql));
+      throw InputError(path_, fmt::format("the database cannot be used ({}, code {}, in {}); {}",
+                                          said, code, sql, kMakeAnew));
   }
 }
 
@@ -283,10 +286,11 @@ void Database::FailRow(const std::string& table, const std::string& key,
                        const std::string& message) const {
   const std::string again = table.starts_with("holba_")
                                 ? "it is made anew"
-                                : "let COLMAP (or what made the database) make it anew";
-  throw InputError(path_, fmt::format("table {}, {}: {}; the row is damaged: delete it (DELETE "
-                                      "FROM {} WHERE {}) and {}",
-                                      table, key, message, table, key, again));
+                                : "COLMAP (or what made the database) makes it anew";
+  throw InputError(
+      path_,
+      fmt::format("table {}, {}: {}; delete this damaged row (DELETE FROM {} WHERE {}), so that {}",
+                  table, key, message, table, key, again));
 }
 
 Database::Transaction::Transaction(Database* database)

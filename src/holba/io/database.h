@@ -147,7 +147,9 @@ class Database {
   // The database's image for each of the model's, by name. Adds what is missing, with the model's
   // ids where they are free: images, their cameras, rigs and frames; the points of images without
   // keypoints (and an empty row of descriptors, so that COLMAP takes the image for done).
-  std::map<image_t, image_t> MatchImages(const Reconstruction& model);
+  // `names`: the database's name of images of the model that it has under another one.
+  std::map<image_t, image_t> MatchImages(const Reconstruction& model,
+                                         const std::map<std::string, std::string>& names = {});
 
   // SQL without results, for what has no function here.
   void Execute(const std::string& sql);
@@ -175,7 +177,7 @@ class Database {
   void AddFrame(const std::vector<std::pair<image_t, camera_t>>& images);
   void AddRig(const Rig& rig, const std::map<camera_t, camera_t>& database_camera);
   std::map<camera_t, camera_t> MatchCameras(const Reconstruction& model,
-                                            const std::map<std::string, image_t>& ids_by_name,
+                                            const std::map<image_t, image_t>& known,
                                             const std::map<image_t, DatabaseImage>& images);
   image_t InsertImage(std::optional<image_t> image_id, const DatabaseImage& image);
   std::vector<ImagePair> Pairs(const char* table, size_t min_rows) const;

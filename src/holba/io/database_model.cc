@@ -107,14 +107,14 @@ void Database::AddRig(const Rig& rig, const std::map<camera_t, camera_t>& databa
 }
 
 std::map<camera_t, camera_t> Database::MatchCameras(
-    const Reconstruction& model, const std::map<std::string, image_t>& ids_by_name,
+    const Reconstruction& model, const std::map<image_t, image_t>& known,
     const std::map<image_t, DatabaseImage>& images) {
   std::map<camera_t, camera_t> database_camera;
   const std::map<camera_t, DatabaseCamera> cameras = ReadCameras();
   // What one image says holds for the other images of the camera.
   for (const auto& [image_id, image] : model.images) {
-    const auto found = ids_by_name.find(image.name);
-    if (found == ids_by_name.end()) continue;
+    const auto found = known.find(image_id);
+    if (found == known.end()) continue;
     const camera_t camera_id = images.at(found->second).camera_id;
     database_camera.emplace(image.camera_id, camera_id);
     const auto camera = cameras.find(camera_id);
@@ -132,7 +132,7 @@ std::map<camera_t, camera_t> Database::MatchCameras(
   }
   std::set<camera_t> needed;
   for (const auto& [image_id, image] : model.images) {
-    if (!ids_by_name.contains(image.name)) needed.insert(image.camera_id);
+    if (!known.contains(image_id)) needed.insert(image.camera_id);
   }
   // Two passes, so that a new id is not one that another camera of the model has.
   for (const bool with_model_id : {true, false}) {
@@ -150,34 +150,36 @@ std::map<camera_t, camera_t> Database::MatchCameras(
   return database_camera;
 }
 
-std::map<image_t, image_t> Database::MatchImages(const Reconstruction& model) {
+std::map<image_t, image_t> Database::MatchImages(const Reconstruction& model,
+                                                 const std::map<std::string, std::string>& names) {
   Transaction transaction(this);
   const std::map<image_t, DatabaseImage> images = ReadImages();
   std::map<std::string, image_t> ids_by_name;
   for (const auto& [image_id, image] : images) ids_by_name.emplace(image.name, image_id);
-  const std::map<camera_t, camera_t> database_camera = MatchCameras(model, ids_by_name, images);
+  std::map<image_t, image_t> database_image;  // of those that the database has
+  for (const auto& [image_id, image] : model.images) {
+    const auto name = names.find(image.name);
+    const auto found = ids_by_name.find(name != names.end() ? name->second : image.name);
+    if (found != ids_by_name.end()) database_image.emplace(image_id, found->second);
+  }
+  const std::map<camera_t, camera_t> database_camera = MatchCameras(model, database_image, images);
   const bool keeps_frames = EveryImageHasAFrame();
   if (keeps_frames) {
     for (const auto& [rig_id, rig] : model.rigs) AddRig(rig, database_camera);
   }
 
-  std::map<image_t, image_t> database_image;
   std::map<frame_t, std::vector<std::pair<image_t, camera_t>>> new_images;
   for (const bool with_model_id : {true, false}) {
     for (const auto& [image_id, image] : model.images) {
       if (database_image.contains(image_id)) continue;
-      const auto found = ids_by_name.find(image.name);
-      if (found != ids_by_name.end()) {
-        database_image[image_id] = found->second;
-        continue;
-      }
+
       const bool id_is_free = image_id < kMaxNumImages && !images.contains(image_id);
       if (with_model_id && !id_is_free) continue;
       const camera_t camera_id = database_camera.at(image.camera_id);
       const image_t added = InsertImage(with_model_id ? std::optional(image_id) : std::nullopt,
                                         {image.name, camera_id});
       database_image[image_id] = added;
-      ids_by_name.emplace(image.name, added);
+
       new_images[image.frame_id].emplace_back(added, camera_id);
     }
   }

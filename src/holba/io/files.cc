@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 
 namespace holba {
 namespace fs = std::filesystem;
@@ -86,12 +87,12 @@ std::vector<fs::path> Leftovers(const fs::path& folder, const std::string& stem)
 
 void WriteTo(const fs::path& path, const fs::path& shown,
              const std::function<void(std::ostream*)>& write) {
+  errno = 0;
   std::ofstream stream(path, std::ios::binary | std::ios::trunc);
-  if (!stream)
-    throw InputError(shown, "cannot be written: check that the folder may be written to");
+  if (!stream) throw CannotBeWritten(shown, SystemFault());
   write(&stream);
   stream.close();
-  if (!stream) throw InputError(shown, "cannot be written: the disk may be full");
+  if (!stream) throw CannotBeWritten(shown, "the disk may be full");
 }
 
 // Whether two folders changed places.
@@ -108,7 +109,7 @@ fs::path CanonicalPath(const fs::path& path) {
   std::error_code error;
   fs::path canonical = fs::absolute(path, error);
   if (!error) canonical = fs::weakly_canonical(canonical, error);
-  if (error) throw InputError(path, "cannot be written: " + error.message());
+  if (error) throw CannotBeWritten(path, error.message());
   return canonical;
 }
 
@@ -121,31 +122,15 @@ bool HoldsCurrentFolder(const fs::path& folder) {
 
 }  // namespace
 
-std::string ReadFileBytes(const fs::path& path) {
-  std::error_code error;
-  const fs::file_status status = fs::status(path, error);
-  if (!fs::exists(status)) throw InputError(path, "there is no such file");
-  if (!fs::is_regular_file(status)) throw InputError(path, "expected a file, found something else");
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) throw InputError(path, "cannot be opened for reading");
-  std::string bytes;
-  const uintmax_t size = fs::file_size(path, error);
-  if (error) throw InputError(path, "cannot be read: " + error.message());
-  bytes.resize(size);
-  stream.read(bytes.data(), static_cast<std::streamsize>(size));
-  if (static_cast<uintmax_t>(stream.gcount()) != size) throw InputError(path, "cannot be read");
-  return bytes;
-}
-
 void WriteFileWhole(const fs::path& path, const std::function<void(std::ostream*)>& write) {
   std::error_code error;
   const fs::path target = CanonicalPath(path);
-  if (fs::is_directory(target)) throw InputError(path, "expected a file to write, found a folder");
+  if (fs::is_directory(target)) throw FileIsWanted(path);
   // A device or pipe is written to, not replaced.
   if (fs::exists(target) && !fs::is_regular_file(target)) return WriteTo(target, path, write);
   const fs::path parent = target.parent_path();
   fs::create_directories(parent, error);
-  if (error) throw InputError(parent, "the folder cannot be created: " + error.message());
+  if (error) throw FolderCannotBeMade(parent, error.message());
   const std::string name = target.filename().string();
   const TemporaryPath temporary(UnusedName(parent, name));
   const fs::path& stage = temporary.path();
@@ -154,7 +139,7 @@ void WriteFileWhole(const fs::path& path, const std::function<void(std::ostream*
     const StageLock lock(stage);
     WriteTo(stage, path, write);
     fs::rename(stage, target, error);
-    if (error) throw InputError(path, "cannot be written: " + error.message());
+    if (error) throw CannotBeWritten(path, error.message());
   } catch (...) {
     fs::remove(stage, error);
     throw;
@@ -172,16 +157,14 @@ void TryFolder(const fs::path& folder, const fs::path& shown) {
     existing = existing.parent_path();
   }
   if (!fs::is_directory(existing)) {
-    throw InputError(shown, fmt::format("cannot be written: {} is no folder", existing.string()));
+    throw CannotBeWritten(shown, fmt::format("'{}' is no folder", existing.string()));
   }
   std::error_code error;
   const TemporaryPath temporary(UnusedName(existing, "probe"));
   fs::create_directory(temporary.path(), error);
   if (error) {
-    throw InputError(shown,
-                     fmt::format("cannot be written: {} takes no new files ({}); give another "
-                                 "place, or change its permissions",
-                                 existing.string(), error.message()));
+    throw CannotBeWritten(
+        shown, fmt::format("'{}' takes no new files: {}", existing.string(), error.message()));
   }
   WriteTo(temporary.path() / "file", shown, [](std::ostream* stream) { *stream << "probe"; });
 }
@@ -191,7 +174,7 @@ fs::file_status StatusOf(const fs::path& path, const fs::path& shown) {
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
   if (status.type() == fs::file_type::none) {
-    throw InputError(shown, "cannot be written: " + error.message());
+    throw CannotBeWritten(shown, error.message());
   }
   return status;
 }
@@ -201,11 +184,10 @@ fs::file_status StatusOf(const fs::path& path, const fs::path& shown) {
 void ProbeFile(const fs::path& path) {
   const fs::path target = CanonicalPath(path);
   const fs::file_status status = StatusOf(target, path);
-  if (fs::is_directory(status) || !target.has_filename())
-    throw InputError(path, "expected a file to write, found a folder");
+  if (fs::is_directory(status) || !target.has_filename()) throw FileIsWanted(path);
   if (fs::exists(status) && !fs::is_regular_file(status)) {
     if (access(target.c_str(), W_OK) == 0) return;
-    throw InputError(path, fmt::format("cannot be written: {}", std::strerror(errno)));
+    throw CannotBeWritten(path, SystemFault());
   }
   TryFolder(target.parent_path(), path);
 }
@@ -215,7 +197,7 @@ void ProbeFolder(const fs::path& path, const std::function<bool(std::string_view
   if (!target.has_filename()) target = target.parent_path();
   const fs::file_status status = StatusOf(target, path);
   if (fs::exists(status) && !fs::is_directory(status)) {
-    throw InputError(path, "expected a folder to write into, found a file");
+    throw FolderIsWanted(path);
   }
   // The rights beside the folder are wanted, too, but it can do without (StagedFolder).
   TryFolder(target, path);
@@ -234,11 +216,11 @@ StagedFolder::StagedFolder(const fs::path& target) {
   if (!target_.has_filename()) target_ = target_.parent_path();
   const bool exists = fs::exists(target_);
   if (exists && !fs::is_directory(target_)) {
-    throw InputError(target, "expected a folder to write into, found a file");
+    throw FolderIsWanted(target);
   }
   const fs::path parent = target_.parent_path();
   fs::create_directories(parent, error);
-  if (error) throw InputError(parent, "the folder cannot be created: " + error.message());
+  if (error) throw FolderCannotBeMade(parent, error.message());
   const auto make_stage = [&](const fs::path& folder, const std::string& stem) {
     stage_ = UnusedName(folder, stem);
     temporary_ = std::make_unique<TemporaryPath>(stage_);
@@ -249,7 +231,7 @@ StagedFolder::StagedFolder(const fs::path& target) {
   if (make_stage(parent, target_.filename().string())) return;
   inside_ = exists;
   if (inside_ && make_stage(target_, std::string(kStageFolderInside))) return;
-  throw InputError(target, "cannot be written: " + error.message());
+  throw CannotBeWritten(target, error.message());
 }
 
 StagedFolder::~StagedFolder() {
@@ -356,7 +338,7 @@ void ReplaceOneByOne(const fs::path& stage, const fs::path& target, const fs::pa
       fs::remove_all(to, error);
     }
     fs::rename(from, to, error);
-    if (error) throw InputError(to, "cannot be written: " + error.message());
+    if (error) throw CannotBeWritten(to, error.message());
   }
   std::vector<fs::path> stale;
   for (const fs::directory_entry& entry : fs::directory_iterator(target / folder)) {
@@ -368,7 +350,9 @@ void ReplaceOneByOne(const fs::path& stage, const fs::path& target, const fs::pa
   }
   for (const fs::path& path : stale) {
     fs::remove_all(path, error);
-    if (error) throw InputError(path, "cannot be removed: " + error.message());
+    if (error)
+      throw InputError(path, fmt::format("this old file cannot be removed ({}); remove it by hand",
+                                         error.message()));
   }
 }
 
@@ -400,7 +384,7 @@ void StagedFolder::Commit(const IsOwned& owned) {
   std::error_code error;
   if (!fs::exists(target_)) {
     fs::rename(stage_, target_, error);
-    if (error) throw InputError(target_, "cannot be written: " + error.message());
+    if (error) throw CannotBeWritten(target_, error.message());
   } else if (!CommitInOneStep(owned)) {
     ReplaceOneByOne(stage_, target_, "", owned);
     fs::remove_all(stage_, error);

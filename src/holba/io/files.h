@@ -10,12 +10,10 @@
 #include <string>
 #include <string_view>
 
+#include "holba/base/file_faults.h"
 #include "holba/base/temporary_paths.h"
 
 namespace holba {
-
-// All bytes of a regular file. Throws InputError.
-std::string ReadFileBytes(const std::filesystem::path& path);
 
 // Says to other programs that a stage is in use, for as long as this one lives, even if it is
 // killed.

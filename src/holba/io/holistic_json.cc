@@ -47,10 +47,9 @@ ModelFrame ParseHolisticJson(std::string_view bytes, const std::filesystem::path
     const nlohmann::json json = nlohmann::json::parse(bytes.begin(), bytes.end());
     const nlohmann::json& version = json.at("format");
     if (!version.is_number_integer() || version != kFormatVersion) {
-      throw InputError(path,
-                       fmt::format("expected \"format\": {}, found {}: the model was written by "
-                                   "another version of this program, use that one",
-                                   kFormatVersion, version.dump().substr(0, 40)));
+      throw InputError(path, fmt::format("expected \"format\": {}, found {}; use the version of "
+                                         "this program that wrote the model",
+                                         kFormatVersion, version.dump().substr(0, 40)));
     }
     const nlohmann::json& stated = json.at("frame");
     const nlohmann::json& num_images = stated.at("num_images");

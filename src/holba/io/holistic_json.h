@@ -24,7 +24,7 @@ struct ModelFrame {
 // message.
 inline constexpr const char* kSideFilesRemedy =
     "a tool that does not know the side files has changed the model, so that lines and groups no "
-    "longer fit it. Restore the COLMAP files, or make the change with this program's commands, or "
+    "longer fit it; restore the COLMAP files, or make the change with this program's commands, or "
     "remove the side files (lines2D, lines3D, groups2D, groups3D, wireframe, relations, "
     "point_origins and holistic.json) to read a plain COLMAP model";
 

@@ -7,10 +7,13 @@
 #include <string>
 
 #include "holba/base/check.h"
+#include "holba/base/file_faults.h"
 #include "holba/base/log.h"
+#include "holba/base/words.h"
 #include "holba/io/colmap_files.h"
 #include "holba/io/files.h"
 #include "holba/io/holistic_json.h"
+#include "holba/io/record_faults.h"
 #include "holba/io/side_files.h"
 #include "holba/scene/one_sided_links.h"
 
@@ -73,9 +76,9 @@ void WarnOfBlanks(const Reconstruction& model) {
   }
   if (count == 0) return;
   LogWarning(
-      "The names of {} images have blanks ('{}'), at which COLMAP's reader of text cuts them; for "
-      "COLMAP write the model as binary (--output_type bin), or rename the images",
-      count, *example);
+      "{} {} a name with blanks ('{}'), at which COLMAP's reader of text cuts it; for COLMAP write "
+      "the model as binary (--output_type bin), or rename the images",
+      Counted(count, "image"), Agree(count, "has", "have"), *example);
 }
 
 void ReadFile(const fs::path& folder, const FileKind& kind, ModelFormat format,
@@ -135,8 +138,8 @@ void ReadModelOptions::Describe(OptionTable* table) const {
 namespace {
 
 void CheckFolder(const fs::path& folder) {
-  if (!fs::exists(folder)) throw InputError(folder, "there is no such folder");
-  if (!fs::is_directory(folder)) throw InputError(folder, "expected a model folder, found a file");
+  if (!fs::exists(folder)) throw NoSuchFolder(folder);
+  if (!fs::is_directory(folder)) throw FolderIsWanted(folder);
 }
 
 // Names are how photographs, databases and other models are found.
@@ -146,7 +149,7 @@ void CheckNames(const Reconstruction& model, const fs::path& folder) {
     for (const auto& [image_id, image] : *images) {
       const auto [first, is_new] = id_of_name.emplace(image.name, image_id);
       if (is_new) continue;
-      throw InputError(folder, fmt::format("images {} and {} have the same name '{}': give one of "
+      throw InputError(folder, fmt::format("images {} and {} have the same name '{}'; give one of "
                                            "them another, or remove it from the model",
                                            first->second, image_id, image.name));
     }
@@ -168,18 +171,46 @@ void MendLinks(const ReadModelOptions& options, const fs::path& folder, Reconstr
   if (options.strict) {
     std::string message = fmt::format(
         "links between features of images and 3D features that only one of the two knows: {} of {} "
-        "({}); --strict 0 leaves them out and uses the rest. They are:",
+        "({}); --strict 0 leaves them out and uses the rest; they are:",
         num_dropped + found.num_corrected, num_all, faults);
     for (const std::string& text : found.list) message += "\n  " + text;
     throw InputError(folder, message);
   }
   LogWarning(
-      "{}: left out {}{} of {} links between features of images and 3D features, as only one of "
-      "the "
-      "two knows them ({}); the rest is used, --strict 1 lists them and stops",
+      "{}: left out {}{} of {} between features of images and 3D features, as only one of the two "
+      "knows them ({}); the rest is used, --strict 1 lists them and stops",
       folder.string(), num_dropped,
-      found.num_corrected > 0 ? fmt::format(" and corrected {}", found.num_corrected) : "", num_all,
-      faults);
+      found.num_corrected > 0 ? fmt::format(" and corrected {}", found.num_corrected) : "",
+      Counted(num_all, "link"), faults);
+}
+
+// Of a folder without a whole model: which of its files are there, and which are not.
+std::string WhatIsMissing(const fs::path& folder) {
+  const std::string expected =
+      "expected a COLMAP model in this folder (cameras, images and points3D, all three as .bin or "
+      "all three as .txt)";
+  std::string best;
+  size_t num_best = 0;
+  for (const ModelFormat format : {ModelFormat::kBinary, ModelFormat::kText}) {
+    std::string there, missing;
+    size_t num_there = 0;
+    for (const FileKind& kind : {kCameras, kImages, kPoints3D}) {
+      const bool is_there = fs::exists(folder / FileName(kind, format));
+      std::string& list = is_there ? there : missing;
+      list += (list.empty() ? "" : " and ") + FileName(kind, format);
+      num_there += is_there;
+    }
+    if (num_there <= num_best) continue;
+    num_best = num_there;
+    best = fmt::format("{}, found {} without {}; ", expected, there, missing);
+    best += missing == FileName(kPoints3D, format)
+                ? fmt::format(
+                      "triangulate points (colmap point_triangulator), or give an empty {} "
+                      "if the poses alone are wanted",
+                      missing)
+                : "add what is missing, or export the model anew";
+  }
+  return num_best > 0 ? best : expected + ", found none of these; give the folder that holds them";
 }
 
 void ReadSideFiles(const fs::path& folder, Reconstruction* model) {
@@ -200,7 +231,8 @@ void ReadRigsAndFrames(const fs::path& folder, ModelFormat format, Reconstructio
   const bool has_rigs = fs::exists(folder / FileName(kRigs, format));
   const bool has_frames = fs::exists(folder / FileName(kFrames, format));
   if (has_rigs != has_frames) {
-    throw InputError(folder, fmt::format("expected {} and {} both or neither, found {} only",
+    throw InputError(folder, fmt::format("expected {} and {} both or neither, found {} only; add "
+                                         "the other one, or remove this one",
                                          FileName(kRigs, format), FileName(kFrames, format),
                                          FileName(has_rigs ? kRigs : kFrames, format)));
   }
@@ -211,9 +243,10 @@ void ReadRigsAndFrames(const fs::path& folder, ModelFormat format, Reconstructio
 
 void CheckConsistency(const Reconstruction& model, const fs::path& folder) {
   if (const std::optional<std::string> fault = model.FindInconsistency()) {
-    throw InputError(folder,
-                     "the files of this model do not fit each other: " + *fault +
-                         (IsHolistic(model) ? std::string("; perhaps ") + kSideFilesRemedy : ""));
+    throw InputError(
+        folder,
+        fmt::format("the files of this model do not fit each other ({}); {}", *fault,
+                    IsHolistic(model) ? std::string("perhaps ") + kSideFilesRemedy : kMendModel));
   }
 }
 
@@ -222,12 +255,7 @@ void CheckConsistency(const Reconstruction& model, const fs::path& folder) {
 Reconstruction ReadModel(const fs::path& folder, const ReadModelOptions& options) {
   CheckFolder(folder);
   const std::optional<ModelFormat> format = FindModelFormat(folder);
-  if (!format) {
-    throw InputError(
-        folder,
-        "expected a COLMAP model in this folder: cameras, images and points3D, all three as "
-        ".bin or all three as .txt");
-  }
+  if (!format) throw InputError(folder, WhatIsMissing(folder));
   Reconstruction model;
   ReadFile(folder, kCameras, *format, &model);
   ReadRigsAndFrames(folder, *format, &model);

@@ -187,16 +187,20 @@ TEST(ModelIo, WhatIsNoModelIsRefused) {
   const TestFolder folder;
   EXPECT_THAT(MessageOfReading(folder / "none"), HasSubstr("there is no such folder"));
   WriteBytes(folder / "file", "x");
-  EXPECT_THAT(MessageOfReading(folder / "file"),
-              HasSubstr("expected a model folder, found a file"));
+  EXPECT_THAT(MessageOfReading(folder / "file"), HasSubstr("expected a folder, found a file"));
   EXPECT_THAT(MessageOfReading(folder.path()), HasSubstr("expected a COLMAP model in this folder"));
   WriteSmallModel(folder / "m");
+  fs::rename(folder / "m" / "points3D.txt", folder / "points3D.txt");
+  EXPECT_THAT(MessageOfReading(folder / "m"),
+              HasSubstr("found cameras.txt and images.txt without points3D.txt; triangulate points "
+                        "(colmap point_triangulator), or give an empty points3D.txt"));
+  fs::rename(folder / "points3D.txt", folder / "m" / "points3D.txt");
   fs::remove(folder / "m" / "frames.txt");
   EXPECT_THAT(MessageOfReading(folder / "m"),
               HasSubstr("expected rigs.txt and frames.txt both or neither, found rigs.txt only"));
   fs::create_directory(folder / "m" / "frames.txt");
   EXPECT_THAT(MessageOfReading(folder / "m"),
-              HasSubstr("frames.txt: expected a file, found something else"));
+              HasSubstr("frames.txt: expected a file, found a folder or device"));
 }
 
 TEST(ModelIo, FilesThatDoNotFitEachOtherNameTheFolder) {
@@ -207,8 +211,8 @@ TEST(ModelIo, FilesThatDoNotFitEachOtherNameTheFolder) {
       MessageOfReading(folder / "m"),
       testing::StartsWith(
           (folder / "m").string() +
-          ": the files of this model do not fit each other: the wireframe has point 1 on line "
-          "1 twice; perhaps a tool that does not know the side files has changed the model"));
+          ": the files of this model do not fit each other (the wireframe has point 1 on line 1 "
+          "twice); perhaps a tool that does not know the side files has changed the model"));
 }
 
 TEST(ModelIo, LinksThatOneEndOnlyKnowsAreLeftOutOrListed) {
@@ -231,11 +235,10 @@ TEST(ModelIo, LinksThatOneEndOnlyKnowsAreLeftOutOrListed) {
     EXPECT_EQ(
         error.what(),
         (folder / "m").string() +
-            ": links between features of images and 3D features that only one of the two "
-            "knows: 2 of 6 (2D features that name a missing 3D feature: 2); --strict 0 leaves "
-            "them out and uses the rest. They are:\n"
-            "  point 1 of image 1 names 3D point 2, which does not exist\n"
-            "  point 1 of image 2 names 3D point 2, which does not exist");
+            ": links between features of images and 3D features that only one of the two knows: 2 "
+            "of 6 (2D features that name a missing 3D feature: 2); --strict 0 leaves them out and "
+            "uses the rest; they are:\n  point 1 of image 1 names 3D point 2, which is not in the "
+            "model\n  point 1 of image 2 names 3D point 2, which is not in the model");
   }
 }
 
@@ -246,11 +249,9 @@ TEST(ModelIo, TwoImagesOfOneNameAreRefusedWithTheirIds) {
   images.replace(images.find("right.jpg"), 9, "c.jpg");
   WriteSmallModel(folder / "m");
   WriteBytes(folder / "m" / "images.txt", images);
-  EXPECT_EQ(
-      MessageOfReading(folder / "m"),
-      (folder / "m").string() +
-          ": images 2 and 3 have the same name 'c.jpg': give one of them another, or remove it "
-          "from the model");
+  EXPECT_EQ(MessageOfReading(folder / "m"), (folder / "m").string() +
+                                                ": images 2 and 3 have the same name 'c.jpg'; give "
+                                                "one of them another, or remove it from the model");
 }
 
 TEST(ModelIo, PosesAreReadWithoutPointsAndWithoutCameras) {
@@ -311,7 +312,7 @@ TEST(ModelIo, TextInUtf16IsNamedSo) {
   const TestFolder folder;
   WriteSmallModel(folder / "m");
   WriteBytes(folder / "m" / "cameras.txt", std::string("\xFF\xFE#\0", 4));
-  EXPECT_THAT(MessageOfReading(folder / "m"), HasSubstr("found UTF-16: save it as UTF-8"));
+  EXPECT_THAT(MessageOfReading(folder / "m"), HasSubstr("found UTF-16; save it as UTF-8"));
 }
 
 TEST(ModelIo, SideFilesThatNoLongerFitSayTheSameWhateverChanged) {
@@ -384,7 +385,7 @@ TEST(HolisticJson, WhatIsMalformedIsRefused) {
       {"{", "found no valid JSON"},
       {"[]", "expected {\"format\": 1"},
       {"{\"format\": 2}", "expected \"format\": 1, found 2"},
-      {"{\"format\": \"1\"}", "another version"},
+      {"{\"format\": \"1\"}", "use the version of this program"},
       {"{\"format\": 1}", "key 'frame' not found"},
       {R"({"format": 1, "frame": {"num_images": -1, "centroid": [0,0,0], "spread": 1}})",
        "num_images"},

@@ -6,6 +6,7 @@
 #include <unordered_set>
 
 #include "holba/io/holistic_json.h"
+#include "holba/io/record_faults.h"
 
 namespace holba {
 namespace {
@@ -25,8 +26,8 @@ const GroupType* ReadGroupType(In& in) {
   }
   if (type == nullptr) {
     in.Fail(
-        fmt::format("unknown group type {}; this version knows {}: use a newer version, or remove "
-                    "the groups of that type",
+        fmt::format("expected TYPE (one of {1}), found {0}; use a newer version of this program, "
+                    "or remove the groups of that type",
                     found, GroupTypeNames()));
   }
   return type;
@@ -63,7 +64,7 @@ void ReadLine2DRecords(In& in, Reconstruction* model) {
     image_t image_id;
     Image* image = ReadImageId(in, model, &image_id);
     if (!seen.insert(image_id).second) {
-      in.Fail(fmt::format("the lines of image {} are there twice", image_id));
+      in.Fail(ThereTwice(fmt::format("the list of lines of image {}", image_id)));
     }
     const size_t num_lines = in.Count("NUM_LINES", 40);
     image->lines2D.reserve(num_lines);
@@ -100,10 +101,10 @@ void ReadLine3DRecords(In& in, Reconstruction* model) {
     }
     in.EndRecord();
     if (const Fault fault = FindFault(line)) {
-      in.FailRecord(fmt::format("3D line {} {}", line3D_id, *fault));
+      in.FailRecord(FaultOf(fmt::format("3D line {}", line3D_id), *fault));
     }
     if (!model->lines3D.Add(line3D_id, std::move(line))) {
-      in.FailRecord(fmt::format("3D line {} is there twice", line3D_id));
+      in.FailRecord(ThereTwice(fmt::format("3D line {}", line3D_id)));
     }
   }
 }
@@ -134,8 +135,7 @@ std::vector<uint64_t> ReadIds(In& in, const char* num, const char* id_name, cons
   for (size_t i = 0; i < count; ++i) {
     const uint64_t id = in.Key(id_name);
     if (!map.contains(id)) {
-      in.Fail(fmt::format("expected {} of the model, found {}, which is not in it: {}", id_name, id,
-                          kSideFilesRemedy));
+      in.Fail(IdNotInModel(id_name, id));
     }
     ids.push_back(id);
   }
@@ -164,7 +164,8 @@ void ReadGroup2DRecords(In& in, Reconstruction* model) {
     record.group.line2D_idxs = ReadIndices(in, "NUM_LINES", "LINE2D_IDX", image->lines2D.size());
     in.EndRecord();
     if (const Fault fault = FindFault(record.group)) {
-      in.FailRecord(fmt::format("group {} of image {} {}", record.idx, record.image_id, *fault));
+      in.FailRecord(
+          FaultOf(fmt::format("group {} of image {}", record.idx, record.image_id), *fault));
     }
     records.push_back(std::move(record));
   }
@@ -208,17 +209,18 @@ void ReadGroup3DRecords(In& in, Reconstruction* model) {
       if (image == nullptr || added.group2D_idx >= image->groups2D.size()) continue;
       const Group2D& observed = image->groups2D[added.group2D_idx];
       if (observed.group3D_id == group3D_id && observed.type != group.type) {
-        in.Fail(fmt::format("group {} is a {}, but its observation, group {} of image {}, is a {}",
-                            group3D_id, group.type->name, added.group2D_idx, added.image_id,
-                            observed.type->name));
+        in.Fail(FaultOf(
+            fmt::format("group {}", group3D_id),
+            fmt::format("is a {}, but its observation, group {} of image {}, is a {}",
+                        group.type->name, added.group2D_idx, added.image_id, observed.type->name)));
       }
     }
     in.EndRecord();
     if (const Fault fault = FindFault(group)) {
-      in.FailRecord(fmt::format("group {} {}", group3D_id, *fault));
+      in.FailRecord(FaultOf(fmt::format("group {}", group3D_id), *fault));
     }
     if (!model->groups3D.Add(group3D_id, std::move(group))) {
-      in.FailRecord(fmt::format("group {} is there twice", group3D_id));
+      in.FailRecord(ThereTwice(fmt::format("group {}", group3D_id)));
     }
   }
 }
@@ -230,13 +232,11 @@ void ReadWireframeRecords(In& in, Reconstruction* model) {
     WireframeEdge edge;
     edge.point3D_id = in.Key("POINT3D_ID");
     if (!model->points3D.contains(edge.point3D_id)) {
-      in.Fail(fmt::format("expected POINT3D_ID of the model, found {}, which is not in it: {}",
-                          edge.point3D_id, kSideFilesRemedy));
+      in.Fail(IdNotInModel("POINT3D_ID", edge.point3D_id));
     }
     edge.line3D_id = in.Key("LINE3D_ID");
     if (!model->lines3D.contains(edge.line3D_id)) {
-      in.Fail(fmt::format("expected LINE3D_ID of the model, found {}, which is not in it: {}",
-                          edge.line3D_id, kSideFilesRemedy));
+      in.Fail(IdNotInModel("LINE3D_ID", edge.line3D_id));
     }
     edge.num_images = in.Number("NUM_IMAGES");
     in.EndRecord();
@@ -249,8 +249,7 @@ group3D_t ReadRelatedGroup(In& in, const Reconstruction& model, const char* what
   const group3D_t id = in.Key(what);
   const Group3D* group = model.groups3D.Find(id);
   if (group == nullptr) {
-    in.Fail(fmt::format("expected {} of the model, found {}, which is not in it: {}", what, id,
-                        kSideFilesRemedy));
+    in.Fail(IdNotInModel(what, id));
   }
   if (!group->type->HasDirection()) {
     in.Fail(fmt::format("expected {} of a group with a direction, found {}, a {}", what, id,
@@ -294,8 +293,7 @@ void ReadPointOriginRecords(In& in, Reconstruction* model) {
     const point3D_t id = in.Key("POINT3D_ID");
     Point3D* point = model->points3D.Find(id);
     if (point == nullptr) {
-      in.Fail(fmt::format("expected POINT3D_ID of the model, found {}, which is not in it: {}", id,
-                          kSideFilesRemedy));
+      in.Fail(IdNotInModel("POINT3D_ID", id));
     }
     size_t origin = 0;
     if constexpr (In::kBinary) {
@@ -306,8 +304,9 @@ void ReadPointOriginRecords(In& in, Reconstruction* model) {
                                    std::begin(kOriginNames));
     }
     if (origin >= std::size(kOriginNames)) {
-      in.Fail(fmt::format("expected ORIGIN (0 {}, 1 {}, 2 {} or 3 {}) of point {}, found another", kOriginNames[0],
-                          kOriginNames[1], kOriginNames[2], kOriginNames[3], id));
+      in.Fail(
+          fmt::format("expected ORIGIN (0 {}, 1 {}, 2 {} or 3 {}) of point {}, found none of these",
+                      kOriginNames[0], kOriginNames[1], kOriginNames[2], kOriginNames[3], id));
     }
     point->origin = static_cast<PointOrigin>(origin);
     in.EndRecord();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/io/text_io.h"
 
+#include "holba/base/file_faults.h"
 #include "holba/base/log.h"
 
 namespace holba {
@@ -15,8 +16,7 @@ TextIn::TextIn(std::string_view bytes, const std::filesystem::path& path)
     : bytes_(bytes), path_(path) {
   constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
   if (bytes_.starts_with(kByteOrderMark)) next_ = kByteOrderMark.size();
-  if (bytes_.starts_with("\xFF\xFE") || bytes_.starts_with("\xFE\xFF"))
-    throw InputError(path_, "expected text in ASCII or UTF-8, found UTF-16: save it as UTF-8");
+  RefuseUtf16(bytes_, path_);
 }
 
 bool TextIn::Advance() {
@@ -39,7 +39,7 @@ bool TextIn::NextRecord() {
 
 void TextIn::NextRawLine(const char* what) {
   if (Advance()) return;
-  LogWarning("{}: the file ends after line {}, without a line of {}, which is taken as empty",
+  LogWarning("{}: the file ends after line {}, without the line of {}, which is taken as empty",
              path_.string(), line_, what);
   p_ = line_end_;
 }

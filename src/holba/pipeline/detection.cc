@@ -11,13 +11,16 @@
 #include <vector>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/base/log.h"
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
+#include "holba/base/words.h"
 #include "holba/frontend/importers/import_regions.h"
 #include "holba/frontend/photographs/photograph.h"
 #include "holba/pipeline/settings.h"
 #include "holba/scene/ideal_view.h"
+#include "holba/scene/name_pairing.h"
 
 namespace holba {
 namespace fs = std::filesystem;
@@ -173,13 +176,15 @@ void HandleLeftOut(bool strict, const DetectionReport& report) {
     if (strict || report.left_out.size() == report.num_images) {
       throw InputError(report.num_images == 1
                            ? first.reason
-                           : fmt::format("{} ({} of {} photographs cannot be used)", first.reason,
-                                         report.left_out.size(), report.num_images));
+                           : fmt::format("{} ({} of {} cannot be used)", first.reason,
+                                         report.left_out.size(),
+                                         Counted(report.num_images, "photograph")));
     }
     LogWarning(
-        "{} of {} photographs are left out (their points take part, nothing is looked for in them; "
-        "--strict 1 stops instead):",
-        report.left_out.size(), report.num_images);
+        "{} of {} {} left out (points seen there take part, nothing else is looked for; --strict 1 "
+        "stops instead):",
+        report.left_out.size(), Counted(report.num_images, "photograph"),
+        Agree(report.left_out.size(), "is", "are"));
     for (size_t i = 0; i < std::min(kMaxNumNamed, report.left_out.size()); ++i)
       LogWarning("  {}", report.left_out[i].reason);
     if (report.left_out.size() > kMaxNumNamed)
@@ -189,10 +194,9 @@ void HandleLeftOut(bool strict, const DetectionReport& report) {
     std::string names;
     for (size_t i = 0; i < std::min(kMaxNumNamed, report.cut_off.size()); ++i)
       names += (i ? ", " : "") + report.cut_off[i];
-    LogWarning(
-        "The files of {} photographs end too early, what they lack is taken as grey; copy them "
-        "anew: {}{}",
-        report.cut_off.size(), names, AndMore(report.cut_off.size()));
+    LogWarning("{} {} too early, and what is missing is taken as grey; copy the files anew: {}{}",
+               Counted(report.cut_off.size(), "photograph"),
+               Agree(report.cut_off.size(), "ends", "end"), names, AndMore(report.cut_off.size()));
   }
 }
 
@@ -216,48 +220,96 @@ std::optional<bool> HasKeypointsOf(const Image& image, const Keypoints& keypoint
   return 2 * num_found >= count;
 }
 
-}  // namespace
+struct DatabasePair {
+  const Image* image;
+  image_t database_id;
+  std::string database_name;
+};
 
-void CheckDatabase(const Database& database, const PhotographFolder& image_path,
-                   const Reconstruction& model) {
-  constexpr size_t kMaxNumChecked = 20;  // evenly spread: the answer is the same for all
-  std::map<std::string, image_t> ids_by_name;
-  for (const auto& [image_id, image] : database.ReadImages()) ids_by_name[image.name] = image_id;
-  if (ids_by_name.empty()) return;
-  std::vector<std::pair<const Image*, image_t>> common;
-  for (const auto& [image_id, image] : model.images) {
-    const auto found = ids_by_name.find(image.name);
-    if (found != ids_by_name.end()) common.emplace_back(&image, found->second);
-  }
-  if (common.empty()) {
-    LogWarning("The database {} has {} images, none of this model; the model's images are added",
-               database.path().string(), ids_by_name.size());
-    return;
-  }
+// How many of `pairs` have keypoints to compare, and the images that have others in the database.
+struct ComparedPairs {
   size_t num_compared = 0;
   std::vector<const Image*> others;
-  const size_t count = std::min(common.size(), kMaxNumChecked);
+};
+
+ComparedPairs Compare(const std::vector<DatabasePair>& pairs, const Database& database,
+                      const PhotographFolder& image_path) {
+  constexpr size_t kMaxNumChecked = 20;  // evenly spread: the answer is the same for all
+  ComparedPairs result;
+  const size_t count = std::min(pairs.size(), kMaxNumChecked);
   for (size_t k = 0; k < count; ++k) {
-    const auto& [image, id] = common[k * common.size() / count];
+    const auto& [image, id, name] = pairs[k * pairs.size() / count];
     const std::optional<Keypoints> keypoints = database.ReadKeypoints(id);
     const std::optional<bool> same = keypoints ? HasKeypointsOf(*image, *keypoints) : std::nullopt;
     if (!same) continue;
-    ++num_compared;
+    ++result.num_compared;
     if (*same) continue;
     // The same photographs with other keypoints are those that were looked at before.
     const std::optional<std::string> settings = database.ReadSegmentSettings(id);
     if (settings && settings->find(PhotographText(image_path / image->name)) != std::string::npos)
       continue;
-    others.push_back(image);
+    result.others.push_back(image);
   }
-  if (2 * others.size() <= num_compared) return;
-  throw InputError(
-      database.path(),
-      fmt::format(
-          "of {} images with names of the model, {} have other keypoints here (first '{}'): "
-          "this is the database of other photographs; give the one that the model was made "
-          "from (--database_path), or a file that does not exist yet",
-          num_compared, others.size(), others.front()->name));
+  return result;
+}
+
+}  // namespace
+
+std::map<std::string, std::string> CheckDatabase(const Database& database,
+                                                 const PhotographFolder& image_path,
+                                                 const Reconstruction& model) {
+  std::vector<const Image*> images;
+  std::vector<std::string_view> names, database_names;
+  for (const auto& [image_id, image] : model.images) {
+    images.push_back(&image);
+    names.push_back(image.name);
+  }
+  const std::map<image_t, DatabaseImage> in_database = database.ReadImages();
+  if (in_database.empty()) return {};
+  std::vector<image_t> database_ids;
+  for (const auto& [image_id, image] : in_database) {
+    database_ids.push_back(image_id);
+    database_names.push_back(image.name);
+  }
+  const NamePairing pairing = PairNames(names, database_names);
+  std::vector<DatabasePair> whole, by_ending;
+  for (size_t i = 0; i < names.size(); ++i) {
+    if (!pairing.b_of_a[i]) continue;
+    const size_t j = *pairing.b_of_a[i];
+    const bool is_whole = names[i] == database_names[j];
+    (is_whole ? whole : by_ending)
+        .push_back({images[i], database_ids[j], std::string(database_names[j])});
+  }
+  const ComparedPairs of_whole = Compare(whole, database, image_path);
+  const ComparedPairs of_ending = Compare(by_ending, database, image_path);
+  for (const ComparedPairs& compared : {of_whole, of_ending}) {
+    if (2 * compared.others.size() <= compared.num_compared) continue;
+    throw InputError(
+        database.path(),
+        fmt::format(
+            "of {} with names of the model, {} have other keypoints here (first '{}'), so that "
+            "this is the database of other photographs; give the one that the model was made "
+            "from (--database_path), or a file that does not exist yet",
+            Counted(compared.num_compared, "image"), compared.others.size(),
+            compared.others.front()->name));
+  }
+  std::map<std::string, std::string> name_in_database;
+  if (of_ending.num_compared > 0) {
+    for (const DatabasePair& pair : by_ending)
+      name_in_database.emplace(pair.image->name, pair.database_name);
+    LogInfo("{}: {}", database.path().string(),
+            HowPaired("image", whole.size(), by_ending.size(), pairing.examples));
+  } else if (!by_ending.empty()) {
+    LogWarning(
+        "{}: {} of the database may be of this model under other names ({}), but without keypoints "
+        "nothing shows it; the model's images are added",
+        database.path().string(), Counted(by_ending.size(), "image"), pairing.examples);
+  } else if (whole.empty()) {
+    LogWarning(
+        "{}: none of the database's images ({} of them) is of this model, whose images are added",
+        database.path().string(), in_database.size());
+  }
+  return name_in_database;
 }
 
 void ImportPaths::Describe(OptionTable* table) const {
@@ -282,29 +334,30 @@ void ImportPaths::Check() const {
       {"depths_path", &depths},     {"correspondences_path", &correspondences}};
   for (const auto& [name, path] : paths) {
     if (!path->empty() && !fs::exists(*path)) {
-      throw InputError(*path, fmt::format("there is no such file or folder (--Import.{})", name));
+      throw NoSuchFileOrFolder(*path, fmt::format("--Import.{}", name));
     }
   }
   if (!line_matches.empty() && segments.empty()) {
     throw InputError(
-        "--Import.line_matches_path needs --Import.segments_path: the indices of a file of matches "
-        "count the segments of its detector");
+        "--Import.line_matches_path must go with --Import.segments_path, as its indices count the "
+        "segments of its detector");
   }
   if (!labels.empty()) return;
   for (const auto& [name, path] : {std::pair("normals_path", &normals),
                                    {"depths_path", &depths},
                                    {"correspondences_path", &correspondences}}) {
     if (!path->empty()) {
-      throw InputError(fmt::format(
-          "--Import.{} needs --Import.labels_path: it says something about labelled regions",
-          name));
+      throw InputError(
+          fmt::format("--Import.{} must go with --Import.labels_path, as it says something about "
+                      "labelled regions",
+                      name));
     }
   }
 }
 
 void DetectionOptions::Check() const {
   if (!mask_path.empty() && !fs::is_directory(mask_path))
-    throw InputError(mask_path, "there is no such folder (--mask_path)");
+    throw NoSuchFolder(mask_path, "--mask_path");
   imports.Check();
 }
 
@@ -330,11 +383,11 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
     *imported =
         ImportSegments(options.imports.segments, model, options.segment_import, &import_report);
     AddCounts(import_report.dropped, &report->dropped);
-    LogInfo(
-        "Imported {} segments of {} images; {} images of the model are not in the files, {} names "
-        "of the files are not in the model",
-        import_report.num_segments, import_report.num_images, import_report.num_images_without,
-        import_report.num_unknown_names);
+    LogInfo("Imported {} of {}; {} of the model {} no segments in the files",
+            Counted(import_report.num_segments, "segment"),
+            Counted(import_report.num_images, "image"),
+            Counted(import_report.num_images_without, "image"),
+            Agree(import_report.num_images_without, "has", "have"));
   }
 
   std::vector<ImageTask> tasks;
@@ -407,8 +460,9 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
                   options.region_normals, options.num_threads, &features, &regions);
     report->num_labelled_regions = regions.num_regions;
     AddCounts(regions.dropped, &report->dropped);
-    LogInfo("Imported label maps of {} images ({} have none): {} regions, {} normals of planes",
-            regions.num_maps, regions.num_images_without, regions.num_regions, regions.num_normals);
+    LogInfo("Imported label maps of {} ({} {} none): {}, {}", Counted(regions.num_maps, "image"),
+            regions.num_images_without, Agree(regions.num_images_without, "has", "have"),
+            Counted(regions.num_regions, "region"), Counted(regions.num_normals, "normal"));
     const std::string settings = SettingsText("imported", options.region_normals);
     Database::Transaction transaction(database);
     for (const auto& [image_id, f] : features) {
@@ -422,12 +476,12 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
 }
 
 std::string DetectionText(const DetectionReport& report, const fs::path& database) {
-  return fmt::format(
-      "{} images: {} segments, {} vanishing points, {} corners ({} images from {}, {} detected), "
-      "{:.1f} s",
-      report.num_images, report.num_segments, report.num_vanishing_points, report.num_corners,
-      report.images_reused, database.string(), report.num_images - report.images_reused,
-      report.detect_seconds);
+  return fmt::format("{}: {}, {}, {} ({} detected now, {} in {}), {:.1f} s",
+                     Counted(report.num_images, "image"), Counted(report.num_segments, "segment"),
+                     Counted(report.num_vanishing_points, "vanishing point"),
+                     Counted(report.num_corners, "corner"),
+                     Counted(report.num_images - report.images_reused, "image"),
+                     report.images_reused, database.string(), report.detect_seconds);
 }
 
 }  // namespace holba

@@ -76,11 +76,15 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options,
                                std::map<image_t, ImportedSegments>* imported,
                                DetectionReport* report);
 
-// Throws InputError if the keypoints of most of the database's images that have names of the model
-// are others than the model's, and it does not know the photographs either: it is of another set,
-// whose names are alike.
-void CheckDatabase(const Database& database, const PhotographFolder& image_path,
-                   const Reconstruction& model);
+// The database's names of images of the model that it has under another one (scene/name_pairing.h),
+// for Database::MatchImages; said on the log. Names alone are not believed: pairs by the ends of
+// their paths count only where keypoints show that the photographs are the same. Throws InputError
+// if the keypoints of most of the database's images that have names of the model are others than
+// the model's, and it does not know the photographs either: it is of another set, whose names are
+// alike.
+std::map<std::string, std::string> CheckDatabase(const Database& database,
+                                                 const PhotographFolder& image_path,
+                                                 const Reconstruction& model);
 
 // One line, for the log.
 std::string DetectionText(const DetectionReport& report, const std::filesystem::path& database);

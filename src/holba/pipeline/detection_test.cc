@@ -6,6 +6,7 @@
 #include "holba/base/error.h"
 #include "holba/io/files.h"
 #include "holba/pipeline/pipeline_testing.h"
+#include "holba/scene/name_pairing.h"
 
 namespace holba {
 namespace {
@@ -145,9 +146,53 @@ TEST(ImportPaths, SayWhatIsMissing) {
   EXPECT_EQ(message({}), "");
   EXPECT_THAT(message({.segments = "/nowhere"}), HasSubstr("--Import.segments_path"));
   const std::string here = testing::TempDir();
-  EXPECT_THAT(message({.line_matches = here}), HasSubstr("needs --Import.segments_path"));
-  EXPECT_THAT(message({.depths = here}), HasSubstr("needs --Import.labels_path"));
+  EXPECT_THAT(message({.line_matches = here}), HasSubstr("must go with --Import.segments_path"));
+  EXPECT_THAT(message({.depths = here}), HasSubstr("must go with --Import.labels_path"));
   EXPECT_EQ(message({.labels = here, .depths = here}), "");
+}
+
+// The images of `model` under other names in the database, with their keypoints moved by this.
+void WriteUnderOtherNames(const Reconstruction& model, const std::filesystem::path& path,
+                          bool with_keypoints, double moved_px) {
+  Reconstruction other = model;
+  for (const auto& [image_id, image] : model.images) {
+    Image& renamed = other.images.at(image_id);
+    renamed.name = "set/" + std::string(WithoutExtension(image.name)) + ".JPG";
+    for (Point2D& point : renamed.points2D) point.xy.array() += moved_px;
+    if (!with_keypoints) renamed.points2D.clear();
+  }
+  Database(path).MatchImages(other);
+}
+
+TEST_F(Detection, AnImageUnderAnotherNameInTheDatabaseIsFoundIfItsKeypointsAreTheSame) {
+  const std::filesystem::path path = folder_ / "other.db";
+  WriteUnderOtherNames(model_, path, true, 0.0);
+  Database database(path);
+  const std::map<std::string, std::string> names = CheckDatabase(database, folder_, model_);
+  ASSERT_EQ(names.size(), 3u);
+  EXPECT_EQ(names.at("5.png"), "set/5.JPG");
+  const std::map<image_t, image_t> ids = database.MatchImages(model_, names);
+  EXPECT_EQ(ids, (std::map<image_t, image_t>{{3, 3}, {5, 5}, {8, 8}}));
+  EXPECT_EQ(database.ReadImages().size(), 3u);  // none was added
+}
+
+TEST_F(Detection, OtherKeypointsUnderNamesThatAreAlikeAreOfOtherPhotographs) {
+  WriteUnderOtherNames(model_, folder_ / "other.db", true, 3.0);
+  const Database database(folder_ / "other.db");
+  try {
+    CheckDatabase(database, folder_, model_);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("the database of other photographs"));
+  }
+}
+
+TEST_F(Detection, NamesThatAreAlikeAreNotBelievedWithoutKeypoints) {
+  WriteUnderOtherNames(model_, folder_ / "other.db", false, 0.0);
+  Database database(folder_ / "other.db");
+  EXPECT_TRUE(CheckDatabase(database, folder_, model_).empty());
+  database.MatchImages(model_);
+  EXPECT_EQ(database.ReadImages().size(), 6u);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
+#include "holba/base/words.h"
 #include "holba/frontend/importers/import_line_matches.h"
 #include "holba/pipeline/settings.h"
 #include "holba/scene/views.h"
@@ -144,12 +145,13 @@ LineMatchMap MatchLines(const MatchLinesOptions& options, const std::string& imp
 
 std::string MatchingText(const MatchLinesReport& report) {
   const std::string origin =
-      report.matches_imported
-          ? "imported"
-          : fmt::format("{} pairs from the database, {} matched", report.pairs_reused,
-                        report.num_pairs - report.pairs_reused);
-  return fmt::format("{} pairs of images: {} matches of segments ({}), {:.1f} s", report.num_pairs,
-                     report.num_line_matches, origin, report.match_seconds);
+      report.matches_imported ? "imported"
+                              : fmt::format("{} matched now, {} in the database",
+                                            Counted(report.num_pairs - report.pairs_reused, "pair"),
+                                            report.pairs_reused);
+  return fmt::format("{}: {} ({}), {:.1f} s", Counted(report.num_pairs, "image pair"),
+                     Counted(report.num_line_matches, "segment match"), origin,
+                     report.match_seconds);
 }
 
 }  // namespace holba

@@ -98,7 +98,7 @@ TEST_F(Matching, IsTakenFromAFile) {
   ASSERT_THAT(PairsOf(matches), ElementsAre(ImagePair{3, 5}));
   EXPECT_EQ(matches.at({3, 5})[0].idx1, 1u);
   EXPECT_EQ(matches.at({3, 5})[0].idx2, 0u);
-  EXPECT_THAT(MatchingText(report), testing::HasSubstr("1 matches of segments (imported)"));
+  EXPECT_THAT(MatchingText(report), testing::HasSubstr("1 segment match (imported)"));
 }
 
 }  // namespace

@@ -59,18 +59,19 @@ PhotographFolder::PhotographFolder(fs::path folder, const Reconstruction& model)
       PairNames(names, std::vector<std::string_view>(files.begin(), files.end()));
   if (pairing.NumPairs() == 0 && !files.empty()) {
     throw InputError(
-        folder_, fmt::format("none of the {} photographs in this folder has a name of the model: "
-                             "the folder has '{}', the model '{}'; --image_path must be the "
-                             "folder that the image names are relative to",
-                             files.size(), files.front(), names.front()));
+        folder_,
+        fmt::format(
+            "none of its photographs ({} of them) has a name of the model (the folder has '{}', "
+            "the model '{}'); --image_path must be the folder that the image names are relative to",
+            files.size(), files.front(), names.front()));
   }
   for (size_t i = 0; i < names.size(); ++i) {
     if (pairing.b_of_a[i] && files[*pairing.b_of_a[i]] != names[i])
       file_of_name_.emplace(names[i], files[*pairing.b_of_a[i]]);
   }
   if (file_of_name_.empty()) return;
-  LogInfo("Paired {} photographs by their whole names and {} by the ends of their paths: {}",
-          pairing.num_whole, pairing.num_by_ending, pairing.examples);
+  LogInfo("{}",
+          HowPaired("photograph", pairing.num_whole, pairing.num_by_ending, pairing.examples));
 }
 
 fs::path PhotographFolder::operator/(const std::string& name) const {

@@ -100,7 +100,7 @@ class Inspector {
       return fmt::format("rig {} has a {}", rig_id, ToString(sensor));
     }
     if (sensor.type == SensorType::kCamera && !model_.cameras.contains(sensor.id)) {
-      return fmt::format("rig {} names {}, which does not exist", rig_id, ToString(sensor));
+      return fmt::format("rig {} names {}, which is not in the model", rig_id, ToString(sensor));
     }
     return std::nullopt;
   }
@@ -109,7 +109,8 @@ class Inspector {
     for (const auto& [frame_id, frame] : model_.frames) {
       const auto sensors = sensors_.find(frame.rig_id);
       if (sensors == sensors_.end()) {
-        return fmt::format("frame {} names rig {}, which does not exist", frame_id, frame.rig_id);
+        return fmt::format("frame {} names rig {}, which is not in the model", frame_id,
+                           frame.rig_id);
       }
       if (const Fault fault = FindFault(frame.rig_from_world)) {
         return fmt::format("frame {} {}", frame_id, *fault);
@@ -141,7 +142,7 @@ class Inspector {
         return fmt::format("image {} has a zero byte in its name", image_id);
       }
       if (!model_.cameras.contains(image.camera_id)) {
-        return fmt::format("image {} names camera {}, which does not exist", image_id,
+        return fmt::format("image {} names camera {}, which is not in the model", image_id,
                            image.camera_id);
       }
       if (const Fault fault = FindFault(image.cam_from_world)) {
@@ -158,10 +159,11 @@ class Inspector {
     std::unordered_map<image_t, frame_t> frame_of_image;
     for (const auto& [frame_id, frame] : model_.unregistered_frames) {
       if (model_.frames.contains(frame_id))
-        return fmt::format("frame {} is registered and not", frame_id);
+        return fmt::format("frame {} is there twice, with a pose and without one", frame_id);
       const auto sensors = sensors_.find(frame.rig_id);
       if (sensors == sensors_.end())
-        return fmt::format("frame {} names rig {}, which does not exist", frame_id, frame.rig_id);
+        return fmt::format("frame {} names rig {}, which is not in the model", frame_id,
+                           frame.rig_id);
       for (const Frame::Data& data : frame.data) {
         if (!sensors->second.contains(Key(data.sensor))) {
           return fmt::format("frame {} has data of {}, which is not in its rig {}", frame_id,
@@ -170,7 +172,7 @@ class Inspector {
         if (data.sensor.type != SensorType::kCamera || data.data_id >= kInvalidId32) continue;
         const auto image_id = static_cast<image_t>(data.data_id);
         if (model_.images.contains(image_id)) {
-          return fmt::format("image {} is registered, its frame {} is not", image_id, frame_id);
+          return fmt::format("image {} has a pose, its frame {} has none", image_id, frame_id);
         }
         if (!model_.unregistered_images.contains(image_id)) continue;
         if (!frame_of_image.emplace(image_id, frame_id).second)
@@ -179,10 +181,10 @@ class Inspector {
     }
     for (const auto& [image_id, image] : model_.unregistered_images) {
       if (model_.images.contains(image_id))
-        return fmt::format("image {} is registered and not", image_id);
+        return fmt::format("image {} is there twice, with a pose and without one", image_id);
       if (image.name.empty()) return fmt::format("image {} has no name", image_id);
       if (!model_.cameras.contains(image.camera_id)) {
-        return fmt::format("image {} names camera {}, which does not exist", image_id,
+        return fmt::format("image {} names camera {}, which is not in the model", image_id,
                            image.camera_id);
       }
       const auto frame = frame_of_image.find(image_id);
@@ -230,7 +232,7 @@ class Inspector {
     if (!model_.frames.contains(image.frame_id)) {
       return image.frame_id == kInvalidId32
                  ? fmt::format("image {} is in no frame", image_id)
-                 : fmt::format("image {} names frame {}, which does not exist", image_id,
+                 : fmt::format("image {} names frame {}, which is not in the model", image_id,
                                image.frame_id);
     }
     const auto data = frame_data_.find(image_id);
@@ -269,7 +271,8 @@ class Inspector {
       for (const auto& [image_id, idx] : track_of(value)) {
         const auto position = image_positions_.find(image_id);
         if (position == image_positions_.end()) {
-          return fmt::format("{} {} names image {}, which does not exist", kind3d, id, image_id);
+          return fmt::format("{} {} names image {}, which is not in the model", kind3d, id,
+                             image_id);
         }
         const auto& features = features_of((model_.images.begin() + position->second)->second);
         if (idx >= features.size()) {
@@ -297,7 +300,7 @@ class Inspector {
         const uint64_t id = id_of(features[idx]);
         if (id == kNoId || seen[i][idx]) continue;
         return fmt::format("{} {} of image {} names {} {}, which {}", kind2d, idx, image_id, kind3d,
-                           id, map.contains(id) ? "does not name it back" : "does not exist");
+                           id, map.contains(id) ? "does not name it back" : "is not in the model");
       }
     }
     return std::nullopt;
@@ -373,12 +376,12 @@ class Inspector {
     if (Fault fault = FindFault(group)) return fault;
     for (const point3D_t id : group.point3D_ids) {
       if (!model_.points3D.contains(id)) {
-        return fmt::format("names 3D point {}, which does not exist", id);
+        return fmt::format("names 3D point {}, which is not in the model", id);
       }
     }
     for (const line3D_t id : group.line3D_ids) {
       if (!model_.lines3D.contains(id)) {
-        return fmt::format("names 3D line {}, which does not exist", id);
+        return fmt::format("names 3D line {}, which is not in the model", id);
       }
     }
     return std::nullopt;
@@ -389,11 +392,12 @@ class Inspector {
     seen.reserve(model_.wireframe.size());
     for (const WireframeEdge& edge : model_.wireframe) {
       if (!model_.points3D.contains(edge.point3D_id)) {
-        return fmt::format("the wireframe names 3D point {}, which does not exist",
+        return fmt::format("the wireframe names 3D point {}, which is not in the model",
                            edge.point3D_id);
       }
       if (!model_.lines3D.contains(edge.line3D_id)) {
-        return fmt::format("the wireframe names 3D line {}, which does not exist", edge.line3D_id);
+        return fmt::format("the wireframe names 3D line {}, which is not in the model",
+                           edge.line3D_id);
       }
       if (!seen.emplace(edge.point3D_id, edge.line3D_id).second) {
         return fmt::format("the wireframe has point {} on line {} twice", edge.point3D_id,
@@ -409,7 +413,7 @@ class Inspector {
       for (const group3D_t id : {relation.group3D_id1, relation.group3D_id2}) {
         const Group3D* group = model_.groups3D.Find(id);
         if (group == nullptr) {
-          return fmt::format("a relation names group {}, which does not exist", id);
+          return fmt::format("a relation names group {}, which is not in the model", id);
         }
         if (!group->type->HasDirection()) {
           return fmt::format("a relation names group {}, but a {} has no direction", id,

@@ -86,7 +86,7 @@ TEST(FindInconsistency, NamesEveryFault) {
          camera.params[camera.model->focal_idxs[0]] = 0.0;
        }},
       {"has no camera model", [](auto& m) { First(m.cameras).model = nullptr; }},
-      {"rig 8 names camera 999, which does not exist",
+      {"rig 8 names camera 999, which is not in the model",
        [](auto& m) { m.rigs.at(8).sensors[0].id.id = 999; }},
       {"rig 8 has sensors but no reference sensor",
        [](auto& m) { m.rigs.at(8).ref_sensor = std::nullopt; }},
@@ -94,7 +94,8 @@ TEST(FindInconsistency, NamesEveryFault) {
        [](auto& m) { m.rigs.at(8).sensors.push_back(m.rigs.at(8).sensors[1]); }},
       {"has a rotation quaternion of norm 2, expected 1",
        [](auto& m) { m.rigs.at(8).sensors[0].sensor_from_rig->rotation.coeffs() *= 2.0; }},
-      {"frame 40 names rig 77, which does not exist", [](auto& m) { m.frames.at(40).rig_id = 77; }},
+      {"frame 40 names rig 77, which is not in the model",
+       [](auto& m) { m.frames.at(40).rig_id = 77; }},
       {"frame 40 has data of IMU 6, which is not in its rig 8",
        [](auto& m) { m.frames.at(40).data[2].sensor.id = 6; }},
       {"frame 40 has a translation that is not finite",
@@ -104,10 +105,10 @@ TEST(FindInconsistency, NamesEveryFault) {
       {"whose pose in its rig is unknown",
        [](auto& m) { m.rigs.at(8).sensors[0].sensor_from_rig = std::nullopt; }},
       {"image 2 has no name", [](auto& m) { FirstImage(m).name.clear(); }},
-      {"image 2 names camera 999, which does not exist",
+      {"image 2 names camera 999, which is not in the model",
        [](auto& m) { FirstImage(m).camera_id = 999; }},
       {"image 2 is in no frame", [](auto& m) { FirstImage(m).frame_id = kInvalidId32; }},
-      {"image 2 names frame 12345, which does not exist",
+      {"image 2 names frame 12345, which is not in the model",
        [](auto& m) { FirstImage(m).frame_id = 12345; }},
       {"image 2 names frame 37, which does not name the image",
        [](auto& m) { FirstImage(m).frame_id = 37; }},
@@ -123,7 +124,7 @@ TEST(FindInconsistency, NamesEveryFault) {
       {"line 2 of image 2 is not finite",
        [](auto& m) { FirstImage(m).lines2D[2].segment.end[0] = kNan; }},
       {"has a position that is not finite", [](auto& m) { First(m.points3D).xyz[2] = kNan; }},
-      {"names image 12345, which does not exist",
+      {"names image 12345, which is not in the model",
        [](auto& m) { TrackedPoint(m).track[0].image_id = 12345; }},
       {"which has", [](auto& m) { TrackedPoint(m).track[0].point2D_idx = 1000; }},
       {"which names no 3D point",
@@ -133,7 +134,7 @@ TEST(FindInconsistency, NamesEveryFault) {
        }},
       {"twice", [](auto& m) { TrackedPoint(m).track.push_back(TrackedPoint(m).track[0]); }},
       {"which does not name it back", [](auto& m) { TrackedPoint(m).track.pop_back(); }},
-      {"names 3D point 4711, which does not exist",
+      {"names 3D point 4711, which is not in the model",
        [](auto& m) {
          for (Point2D& point : FirstImage(m).points2D) {
            if (point.point3D_id == kNoId) point.point3D_id = 4711;
@@ -161,12 +162,10 @@ TEST(FindInconsistency, NamesEveryFault) {
        }},
       {"has no type", [](auto& m) { First(m.groups3D).type = nullptr; }},
       {"has point 2 twice among its members",
-       [](auto& m) {
-         ObservedGroup(m, "PLANE").point3D_ids = {2, 4, 2};
-       }},
-      {"names 3D point 4711, which does not exist",
+       [](auto& m) { ObservedGroup(m, "PLANE").point3D_ids = {2, 4, 2}; }},
+      {"names 3D point 4711, which is not in the model",
        [](auto& m) { ObservedGroup(m, "PLANE").point3D_ids.push_back(4711); }},
-      {"names 3D line 4711, which does not exist",
+      {"names 3D line 4711, which is not in the model",
        [](auto& m) { ObservedGroup(m, "VP").line3D_ids.push_back(4711); }},
       {"names point 1000, but its image has",
        [](auto& m) {
@@ -188,14 +187,8 @@ TEST(FindInconsistency, NamesEveryFault) {
        [](auto& m) {
          FirstObservation(m, ObservedGroup(m, "PLANE")).type = FindGroupType("CUBOID");
        }},
-      {"the wireframe names 3D point 4711",
-       [](auto& m) {
-         m.wireframe.push_back({4711, 2, 1});
-       }},
-      {"the wireframe names 3D line 4711",
-       [](auto& m) {
-         m.wireframe.push_back({2, 4711, 1});
-       }},
+      {"the wireframe names 3D point 4711", [](auto& m) { m.wireframe.push_back({4711, 2, 1}); }},
+      {"the wireframe names 3D line 4711", [](auto& m) { m.wireframe.push_back({2, 4711, 1}); }},
       {"the wireframe has point", [](auto& m) { m.wireframe.push_back(m.wireframe[0]); }},
       {"a relation names group 4711", [](auto& m) { m.relations[0].group3D_id1 = 4711; }},
       {"but a SPHERE has no direction",

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/scene/name_pairing.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <map>
@@ -8,6 +10,8 @@
 #include <tuple>
 #include <unordered_map>
 #include <utility>
+
+#include "holba/base/words.h"
 
 namespace holba {
 namespace {
@@ -191,6 +195,13 @@ std::string_view WithoutExtension(std::string_view name) {
 
 NamePairing PairNames(std::span<const std::string_view> a, std::span<const std::string_view> b) {
   return Pairing(a, b).Run();
+}
+
+std::string HowPaired(std::string_view thing, size_t num_whole, size_t num_by_ending,
+                      std::string_view examples) {
+  return fmt::format(
+      "Paired {} by {} and {} by the ends of their paths: {}", Counted(num_whole, thing),
+      Agree(num_whole, "its whole name", "their whole names"), num_by_ending, examples);
 }
 
 }  // namespace holba

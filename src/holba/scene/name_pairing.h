@@ -32,6 +32,11 @@ struct NamePairing {
 // not taken for another one.
 NamePairing PairNames(std::span<const std::string_view> a, std::span<const std::string_view> b);
 
+// Names of `thing` ("image") that were paired otherwise than by being equal, for the log: "Paired 3
+// images by their whole names and 7 by the ends of their paths: 'b/1.png' is '1.jpg'".
+std::string HowPaired(std::string_view thing, size_t num_whole, size_t num_by_ending,
+                      std::string_view examples);
+
 // "folder/image.jpg" -> "folder/image"; what has no extension is returned as it is.
 std::string_view WithoutExtension(std::string_view name);
 

@@ -114,7 +114,7 @@ class Sweep {
                                              Links::kName2d, idx, element.image_id);
         if (image_idx == kNone) {
           Drop("3D features that name a missing image",
-               fmt::format("{}, but there is no such image", text));
+               fmt::format("{}, which is not in the model", text));
           continue;
         }
         auto& features = FeaturesOf(image_idx);
@@ -162,7 +162,8 @@ class Sweep {
                     : "2D features that name a missing 3D feature",
              fmt::format("{} {} of image {} names {} {}, which {}", Links::kName2d, idx,
                          (model_.images.begin() + static_cast<std::ptrdiff_t>(i))->first,
-                         Links::kName3d, id, exists ? "does not name it back" : "does not exist"));
+                         Links::kName3d, id,
+                         exists ? "does not name it back" : "is not in the model"));
         id = kNoId;
       }
     }

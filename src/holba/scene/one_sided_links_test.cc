@@ -68,11 +68,11 @@ TEST(DropOneSidedLinks, TakesALinkOutOfTheEndThatKnowsIt) {
   EXPECT_EQ(found.num_corrected, 0u);
   EXPECT_THAT(found.list,
               ElementsAre("3D point 1 names point 0 of image 2, which names no 3D point",
-                          "3D point 1 names point 0 of image 9, but there is no such image",
+                          "3D point 1 names point 0 of image 9, which is not in the model",
                           "3D point 1 names point 0 of image 1 twice",
                           "3D point 3 names point 2 of image 3, which names 3D point 99",
                           "point 1 of image 3 names 3D point 2, which does not name it back",
-                          "point 2 of image 3 names 3D point 99, which does not exist",
+                          "point 2 of image 3 names 3D point 99, which is not in the model",
                           "3D line 7 names line 5 of image 1, which has 1 of them"));
   EXPECT_EQ(model.FindInconsistency(), std::nullopt);
   EXPECT_EQ(model.points3D.at(1).track.size(), 2u);

@@ -80,7 +80,8 @@ class Refiner {
     options.auto_start_multiple = BundleOptions().auto_start_multiple;
     report_.points_alone = AdjustBundle(options, options_.solver, &model_);
     known_sigmas_ = report_.points_alone.auto_sigmas;
-    Log(fmt::format("Points alone: sigma {:.3f} px", SigmaPx(report_.points_alone, "point", 0.0)));
+    Log(fmt::format("Points alone: standard deviation of a coordinate {:.3f} px",
+                    SigmaPx(report_.points_alone, "point", 0.0)));
   }
 
   void Classify() {

@@ -40,15 +40,15 @@ Random StreamOf(uint64_t seed, Stream stream) {
 }
 
 void Check(const BundleProblemOptions& options) {
-  if (options.num_images < 10) throw InputError("num_images: must be at least 10");
+  if (options.num_images < 10) throw InputError("--num_images must be at least 10");
   if (options.rig_size < 1 || options.num_images % options.rig_size != 0) {
-    throw InputError("rig_size: must divide num_images");
+    throw InputError("--rig_size must divide --num_images");
   }
   if (options.layout == SceneLayout::kCorridor && options.num_images / options.rig_size < 30) {
-    throw InputError("num_images: a corridor needs at least 30 frames");
+    throw InputError("--num_images must give at least 30 frames in a corridor");
   }
   if (!(options.fraction_wrong_associations >= 0 && options.fraction_wrong_associations <= 0.9)) {
-    throw InputError("fraction_wrong_associations: must be between 0 and 0.9");
+    throw InputError("--fraction_wrong_associations must be between 0 and 0.9");
   }
 }
 

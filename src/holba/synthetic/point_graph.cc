@@ -272,9 +272,9 @@ void Perturb(const PointGraphOptions& options, Reconstruction* model) {
 }  // namespace
 
 SyntheticProblem MakePointGraph(const PointGraphOptions& options) {
-  if (options.num_images < 4) throw InputError("num_images: must be at least 4");
+  if (options.num_images < 4) throw InputError("--num_images must be at least 4");
   if (!(options.observations_per_image >= 20)) {
-    throw InputError("observations_per_image: must be at least 20");
+    throw InputError("--observations_per_image must be at least 20");
   }
   const std::vector<Camera> cameras = MakeCameras(options);
   Random camera_random = StreamOf(options.seed, Stream::kCameras);

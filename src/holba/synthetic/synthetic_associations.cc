@@ -40,8 +40,8 @@ std::vector<uint32_t> WrongFeatures(size_t count, size_t num_features,
                                     Random* random) {
   if (count + right.size() > num_features) {
     throw InputError(
-        "fraction_wrong_associations: a group has too few non-members; use a smaller "
-        "fraction or more images");
+        "--fraction_wrong_associations: a group has too few features that are not its members; use "
+        "a smaller fraction or more images");
   }
   std::unordered_set<uint32_t> excluded(right.begin(), right.end());
   std::vector<uint32_t> wrong;

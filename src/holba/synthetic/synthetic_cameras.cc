@@ -63,7 +63,7 @@ Camera MakeSyntheticCamera(const std::string& model_name) {
     for (const CameraModel* model : AllCameraModels()) {
       known += (known.empty() ? "" : ", ") + std::string(model->name);
     }
-    throw InputError("camera_model: unknown model '" + model_name + "'; use one of " + known);
+    throw InputError("--camera_model: unknown model '" + model_name + "'; use one of " + known);
   }
   camera.width = camera.height = kSyntheticImageSizePx;
   camera.params.assign(camera.model->num_params, 0.001);

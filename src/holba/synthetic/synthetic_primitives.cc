@@ -77,7 +77,8 @@ void AddPrimitive(const GroupType& type, const SyntheticRegion& region, Random* 
                   SyntheticStructure* structure) {
   const auto shape = DrawShape(type, random);
   if (!shape) {
-    throw InputError("primitives: no shape of " + std::string(type.name) + " is known");
+    throw InputError("--primitives: there is no example of " + std::string(type.name) +
+                     " to make; use another type");
   }
   std::array<double, kMaxGroupParams> g{}, moved{};
   HOLBA_CHECK(type.from_file(shape->data(), g.data()));

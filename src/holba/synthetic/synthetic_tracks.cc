@@ -126,8 +126,8 @@ class TrackMaker {
   void Draw(Pool pool, size_t length, std::span<const Eigen::Vector3d> extent,
             std::vector<uint32_t>* track) {
     if (length > pool.size()) {
-      throw InputError("num_images: a feature needs " + std::to_string(length) +
-                       " images that see it; use more images");
+      throw InputError("--num_images: a feature is to be seen by " + std::to_string(length) +
+                       " images, but fewer can see it; use more images");
     }
     // A pool of just the wanted size (near visibility) is taken whole.
     size_t attempts = 0;

@@ -22,7 +22,7 @@ const SegmentDetector& FindSegmentDetector(std::string_view name) {
     known += (known.empty() ? "" : ", ") + std::string(detector.name);
   }
   throw InputError(
-      fmt::format("--Segments.detector: '{}' is no known detector; there is: {}", name, known));
+      fmt::format("--Segments.detector: expected one of {1}, found '{0}'", name, known));
 }
 
 void SegmentOptions::Describe(OptionTable* table) const {

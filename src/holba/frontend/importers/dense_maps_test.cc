@@ -215,17 +215,20 @@ TEST(DenseMapFiles, BadOnesAreRefusedWithTheReason) {
       depth("a.npz", Zip({{"x.npy", Npy("<f4", "(6,)", six)}, {"y.npy", Npy("<f4", "(6,)", six)}})),
       HasSubstr("expected one array, or one named 'depth', found 2"));
   EXPECT_THAT(depth("a.png", LabelPng(2, 2, [](int, int) { return 1; })),
-              HasSubstr("a depth map is a PNG of 16-bit grey, found 1 channels of 8 bits"));
+              HasSubstr("expected a PNG of 16-bit grey as depth map, found 1 channels of 8 bits"));
   EXPECT_THAT(depth("a.bin", "2&1&"), HasSubstr("at byte 4: expected WIDTH&HEIGHT&CHANNELS&"));
-  EXPECT_THAT(depth("a.bin", "2&1&1&abcd"), HasSubstr("has 4 bytes of numbers, expected 8"));
+  EXPECT_THAT(depth("a.bin", "2&1&1&abcd"),
+              HasSubstr("expected 8 bytes of numbers for 2 x 1 pixels and 1 channels, found 4"));
   EXPECT_THAT(depth("a.bin", "2&-1&1&abcd"), HasSubstr("expected WIDTH&HEIGHT&CHANNELS&"));
   EXPECT_THAT(depth("a.bin", "1048576&1048576&16&abcd"), HasSubstr("truncated or damaged"));
-  EXPECT_THAT(depth("a.bin", "1&1&2&abcdabcd"), HasSubstr("a depth map has 1 channel, found 2"));
+  EXPECT_THAT(depth("a.bin", "1&1&2&abcdabcd"),
+              HasSubstr("expected 1 channel of a depth map, found 2"));
   EXPECT_THAT(normals("a.npy", Npy("<f4", "(2, 3)", six)),
               HasSubstr("expected a normal map of shape (H, W, 3) or (3, H, W), found (2, 3)"));
   EXPECT_THAT(normals("a.png", LabelPng(2, 2, [](int, int) { return 1; })),
-              HasSubstr("a normal map is a PNG of RGB, found 1 channels"));
-  EXPECT_THAT(normals("a.bin", "1&1&1&abcd"), HasSubstr("a normal map has 3 channels, found 1"));
+              HasSubstr("expected a PNG of RGB as normal map, found 1 channels"));
+  EXPECT_THAT(normals("a.bin", "1&1&1&abcd"),
+              HasSubstr("expected 3 channels of a normal map, found 1"));
   const auto format = [](const std::string& json) {
     return MessageOf([&] { ParseNormalFormat(json, "normals.json"); });
   };

@@ -19,12 +19,13 @@
 
 #include "holba/base/check.h"
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 
 namespace holba {
 namespace {
 
 constexpr char kRemedy[] =
-    "; write it again with h5py, or give the arrays as .npz (docs: Importing features)";
+    "; write it again with h5py, or give the arrays as .npz (docs/import.md)";
 
 // What the child tells its parent, in this order of bytes: a kind, then
 //   'A' path, type, rank, extents, bytes    an array
@@ -298,15 +299,15 @@ bool IsHdf5(const std::filesystem::path& path) {
 
 std::map<std::string, NumericArray> ReadHdf5(
     const std::filesystem::path& path, const std::function<bool(std::string_view path)>& wanted) {
-  if (!std::filesystem::is_regular_file(path)) throw InputError(path, "there is no such file");
+  if (!std::filesystem::is_regular_file(path)) throw NoSuchFile(path);
   if (!IsHdf5(path)) throw InputError(path, std::string("this is no HDF5 file") + kRemedy);
   int ends[2];
-  if (pipe(ends) != 0) throw InputError(path, "cannot be read: no more pipes can be opened");
+  if (pipe(ends) != 0) throw CannotBeRead(path, SystemFault());
   const pid_t child = fork();
   if (child < 0) {
     close(ends[0]);
     close(ends[1]);
-    throw InputError(path, "cannot be read: no more processes can be started");
+    throw CannotBeRead(path, "no more processes can be started");
   }
   if (child == 0) {
     close(ends[0]);

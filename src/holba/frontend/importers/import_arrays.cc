@@ -11,6 +11,7 @@
 
 #include "holba/base/check.h"
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 
 namespace holba {
 namespace fs = std::filesystem;
@@ -163,21 +164,6 @@ bool ArrayBytes(const std::vector<uint64_t>& shape, ElementType type, uint64_t* 
   }
   *bytes = product;
   return true;
-}
-
-std::string ReadImportFile(const fs::path& path) {
-  std::error_code error;
-  const fs::file_status status = fs::status(path, error);
-  if (!fs::exists(status)) throw InputError(path, "there is no such file");
-  if (!fs::is_regular_file(status)) throw InputError(path, "expected a file, found something else");
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) throw InputError(path, "cannot be opened for reading");
-  const uintmax_t size = fs::file_size(path, error);
-  if (error) throw InputError(path, "cannot be read: " + error.message());
-  std::string bytes(size, '\0');
-  stream.read(bytes.data(), static_cast<std::streamsize>(size));
-  if (static_cast<uintmax_t>(stream.gcount()) != size) throw InputError(path, "cannot be read");
-  return bytes;
 }
 
 }  // namespace holba

@@ -48,7 +48,4 @@ struct NumericArray {
 // The product, and whether the array may be that large. False: more than kMaxArrayBytes.
 bool ArrayBytes(const std::vector<uint64_t>& shape, ElementType type, uint64_t* bytes);
 
-// All bytes of a regular file. Throws InputError.
-std::string ReadImportFile(const std::filesystem::path& path);
-
 }  // namespace holba

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/base/log.h"
 #include "holba/frontend/importers/import_names.h"
 
@@ -111,7 +112,7 @@ void ForEachCorrespondenceField(
     const fs::path& path, const Reconstruction& model,
     const std::function<void(image_t from, image_t to, const CorrespondenceField& field)>& use,
     CorrespondenceImportReport* report) {
-  if (!fs::exists(path)) throw InputError(path, "there is no such file or folder");
+  if (!fs::exists(path)) throw NoSuchFileOrFolder(path);
   const ImageNames names(model);
   std::string unknown;
   const auto wanted = [](std::string_view) { return true; };
@@ -134,18 +135,14 @@ void ForEachCorrespondenceField(
               &unknown);
   }
   if (report->num_fields == 0) {
-    throw InputError(path, report->num_unknown_pairs == 0
-                               ? std::string("there are no correspondences in it: expected arrays "
-                                             "NAME1/NAME2/warp (docs: Importing features)")
-                               : fmt::format("none of its {} pairs is of images of the model: "
-                                             "expected names like '{}', found '{}'",
-                                             report->num_unknown_pairs, names.Example(), unknown));
+    if (report->num_unknown_pairs > 0)
+      throw names.NothingKnown(path, report->num_unknown_pairs, "pair", unknown);
+    throw InputError(path,
+                     "expected arrays NAME1/NAME2/warp (docs/import.md), found no correspondences");
   }
   if (report->num_unknown_pairs > 0) {
-    LogWarning(
-        "{}: {} pairs have images that are not in the model and are left out, for example "
-        "'{}'",
-        path.string(), report->num_unknown_pairs, unknown);
+    ImageNames::WarnOfUnknown(path, report->num_unknown_pairs,
+                              report->num_unknown_pairs + report->num_fields, "pair", unknown);
   }
 }
 

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/frontend/importers/import_arrays.h"
 #include "holba/frontend/importers/import_label_maps.h"
 #include "holba/frontend/importers/import_png.h"
@@ -36,8 +37,8 @@ nlohmann::json ParseObject(std::string_view json, const fs::path& path, const ch
 
 // One array: the file's, or that of an archive which has one of the names, or only one.
 NumericArray ReadArray(const fs::path& path, const std::vector<std::string>& names) {
-  if (path.extension() == ".npy") return ParseNpy(ReadImportFile(path), path.string());
-  const NpzArchive archive(ReadImportFile(path), path);
+  if (path.extension() == ".npy") return ParseNpy(ReadFileBytes(path), path.string());
+  const NpzArchive archive(ReadFileBytes(path), path);
   for (const std::string& name : names) {
     if (archive.Contains(name)) return archive.Read(name);
   }
@@ -50,7 +51,9 @@ NumericArray ReadArray(const fs::path& path, const std::vector<std::string>& nam
 void CheckSize(uint64_t width, uint64_t height, const fs::path& path) {
   constexpr uint64_t kMaxSide = 1 << 20;
   if (width == 0 || height == 0 || width > kMaxSide || height > kMaxSide) {
-    throw InputError(path, fmt::format("the map is {} x {} pixels", width, height));
+    throw InputError(
+        path, fmt::format("expected a map of 1 to 1048576 pixels on each side, found {} x {}",
+                          width, height));
   }
 }
 
@@ -119,10 +122,11 @@ ColmapArray ParseColmapArray(std::string_view bytes, const fs::path& path) {
                         static_cast<uint64_t>(array.channels);
   if (array.channels > 16 || (bytes.size() - at) / sizeof(float) != size ||
       (bytes.size() - at) % sizeof(float) != 0) {
-    throw InputError(path, fmt::format("has {} bytes of numbers, expected {} of {} x {} pixels and "
-                                       "{} channels: it is truncated or damaged",
-                                       bytes.size() - at, size * sizeof(float), array.width,
-                                       array.height, array.channels));
+    throw InputError(
+        path, fmt::format("expected {1} bytes of numbers for {2} x {3} pixels and {4} channels, "
+                          "found {0}; copy the file anew, as it is truncated or damaged",
+                          bytes.size() - at, size * sizeof(float), array.width, array.height,
+                          array.channels));
   }
   array.values.resize(size);
   std::memcpy(array.values.data(), bytes.data() + at, size * sizeof(float));
@@ -141,19 +145,21 @@ DepthMap ReadDepthMap(const fs::path& path, const DepthFormat& format) {
   if (path.extension() == ".png") {
     constexpr double kMillimetre = 0.001;
     scale = format.scale.value_or(kMillimetre);
-    const PngImage image = ParsePng(ReadImportFile(path), path);
+    const PngImage image = ParsePng(ReadFileBytes(path), path);
     if (image.channels != 1 || image.bit_depth != 16) {
-      throw InputError(path, fmt::format("a depth map is a PNG of 16-bit grey, found {} channels "
-                                         "of {} bits",
-                                         image.channels, image.bit_depth));
+      throw InputError(
+          path,
+          fmt::format("expected a PNG of 16-bit grey as depth map, found {} channels of {} bits",
+                      image.channels, image.bit_depth));
     }
     map.width = image.width;
     map.height = image.height;
     map.depth.assign(image.values.begin(), image.values.end());
   } else if (path.extension() == ".bin") {
-    ColmapArray array = ParseColmapArray(ReadImportFile(path), path);
+    ColmapArray array = ParseColmapArray(ReadFileBytes(path), path);
     if (array.channels != 1) {
-      throw InputError(path, fmt::format("a depth map has 1 channel, found {}", array.channels));
+      throw InputError(path,
+                       fmt::format("expected 1 channel of a depth map, found {}", array.channels));
     }
     map.width = array.width;
     map.height = array.height;
@@ -180,10 +186,10 @@ NormalMap ReadNormalMap(const fs::path& path, const NormalFormat& format) {
   std::vector<float> values;
   bool planes = false;  // all of channel 0, then of 1, of 2
   if (path.extension() == ".png") {
-    const PngImage image = ParsePng(ReadImportFile(path), path);
+    const PngImage image = ParsePng(ReadFileBytes(path), path);
     if (image.channels != 3) {
-      throw InputError(
-          path, fmt::format("a normal map is a PNG of RGB, found {} channels", image.channels));
+      throw InputError(path, fmt::format("expected a PNG of RGB as normal map, found {} channels",
+                                         image.channels));
     }
     map.width = image.width;
     map.height = image.height;
@@ -197,9 +203,10 @@ NormalMap ReadNormalMap(const fs::path& path, const NormalFormat& format) {
       }
     }
   } else if (path.extension() == ".bin") {
-    ColmapArray array = ParseColmapArray(ReadImportFile(path), path);
+    ColmapArray array = ParseColmapArray(ReadFileBytes(path), path);
     if (array.channels != 3) {
-      throw InputError(path, fmt::format("a normal map has 3 channels, found {}", array.channels));
+      throw InputError(
+          path, fmt::format("expected 3 channels of a normal map, found {}", array.channels));
     }
     map.width = array.width;
     map.height = array.height;
@@ -238,7 +245,7 @@ std::optional<DepthMap> FindDepthMap(const fs::path& folder, const std::string& 
   if (!path) return std::nullopt;
   const fs::path json = folder / "depth.json";
   DepthFormat format;
-  if (fs::is_regular_file(json)) format = ParseDepthFormat(ReadImportFile(json), json);
+  if (fs::is_regular_file(json)) format = ParseDepthFormat(ReadFileBytes(json), json);
   return ReadDepthMap(*path, format);
 }
 
@@ -247,7 +254,7 @@ std::optional<NormalMap> FindNormalMap(const fs::path& folder, const std::string
   if (!path) return std::nullopt;
   const fs::path json = folder / "normals.json";
   NormalFormat format;
-  if (fs::is_regular_file(json)) format = ParseNormalFormat(ReadImportFile(json), json);
+  if (fs::is_regular_file(json)) format = ParseNormalFormat(ReadFileBytes(json), json);
   return ReadNormalMap(*path, format);
 }
 

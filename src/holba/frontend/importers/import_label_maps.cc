@@ -9,6 +9,7 @@
 #include <set>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/frontend/importers/import_arrays.h"
 #include "holba/frontend/importers/import_names.h"
 #include "holba/frontend/importers/import_png.h"
@@ -71,9 +72,10 @@ std::map<uint16_t, const GroupType*> ParseLabelTypes(std::string_view json, cons
 LabelMap ParseLabelPng(std::string_view png, const fs::path& path) {
   PngImage image = ParsePng(png, path);
   if (image.channels != 1) {
-    throw InputError(path, fmt::format("a label map has one number for each pixel (grey of 8 or 16 "
-                                       "bits, or indexed colours), found a picture of {} channels",
-                                       image.channels));
+    throw InputError(path,
+                     fmt::format("expected one number for each pixel of a label map (grey of 8 or "
+                                 "16 bits, or indexed colours), found a picture of {} channels",
+                                 image.channels));
   }
   return {image.width, image.height, std::move(image.values), {}};
 }
@@ -92,14 +94,14 @@ std::optional<fs::path> FindFileOfImage(const fs::path& folder, const std::strin
 std::optional<LabelMap> ReadLabelMap(const fs::path& folder, const std::string& image_name) {
   const auto png = FindFileOfImage(folder, image_name, {".png"});
   if (!png) return std::nullopt;
-  LabelMap map = ParseLabelPng(ReadImportFile(*png), *png);
+  LabelMap map = ParseLabelPng(ReadFileBytes(*png), *png);
   auto json = FindFileOfImage(folder, image_name, {".json"});
   if (!json) json = folder / "labels.json";
   if (!fs::is_regular_file(*json)) {
     throw InputError(*json, std::string("there is no such file, which says what the labels are; ") +
                                 kExpected + " there, or beside the PNG");
   }
-  map.types = ParseLabelTypes(ReadImportFile(*json), *json);
+  map.types = ParseLabelTypes(ReadFileBytes(*json), *json);
   // labels.json speaks of all images.
   const std::set<uint16_t> present(map.labels.begin(), map.labels.end());
   std::erase_if(map.types, [&](const auto& entry) { return !present.contains(entry.first); });

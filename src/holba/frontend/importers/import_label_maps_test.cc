@@ -72,9 +72,11 @@ TEST(Png, BadFilesAreRefusedWithTheReason) {
     return MessageOf([&] { ParsePng(bytes, "x.png"); });
   };
   ASSERT_EQ(message(good), "");
-  EXPECT_EQ(message("GIF"), "x.png: this is no PNG picture");
+  EXPECT_EQ(message("GIF"),
+            "x.png: this is no PNG picture; save it anew as PNG without interlacing");
   EXPECT_EQ(message(Png(2, 2, 8, 0, {"\x01\xff", "\x02\x03"}, 0, 1)),
-            "x.png: the PNG picture is interlaced, which is not read; save it without interlacing");
+            "x.png: the PNG picture is interlaced, which is not read; save it anew as PNG without "
+            "interlacing");
   EXPECT_THAT(message(Png(2, 2, 8, 0, {"\x01\xff", "\x02\x03"}, 7)), HasSubstr("unknown filter"));
   EXPECT_THAT(message(Png(2, 3, 8, 0, {"\x01\xff", "\x02\x03"})),
               HasSubstr("cannot be unpacked in row 2"));

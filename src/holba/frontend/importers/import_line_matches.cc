@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/base/log.h"
 #include "holba/frontend/importers/import_names.h"
 #include "holba/frontend/importers/import_store.h"
@@ -65,7 +66,8 @@ std::vector<LineMatch> TakeMatches(const StoredArray& stored, const StoredArray*
     if (!score.empty()) {
       if (!std::isfinite(score[i])) {
         throw InputError(
-            fmt::format("{}: row {} has a score that is not finite", scores->place, i));
+            fmt::format("{}: row {} has a score that is not a finite number; remove the match",
+                        scores->place, i));
       }
       match.distance = DistanceOfScore(score[i]);
     }
@@ -144,16 +146,16 @@ std::vector<RawLineMatches> ParseLineMatchText(std::string_view bytes, const fs:
 LineMatchMap ImportLineMatches(const fs::path& path, const Reconstruction& model,
                                const std::map<image_t, ImportedSegments>& segments,
                                LineMatchImportReport* report) {
-  if (!fs::exists(path)) throw InputError(path, "there is no such file or folder");
+  if (!fs::exists(path)) throw NoSuchFileOrFolder(path);
   std::vector<RawLineMatches> all;
   if (path.extension() == ".txt") {
-    all = ParseLineMatchText(ReadImportFile(path), path);
+    all = ParseLineMatchText(ReadFileBytes(path), path);
   } else if (HoldsArrays(path)) {
     all = ReadArrays(path);
     if (fs::is_directory(path)) {
       for (const auto& [name, file] : FilesBelow(path)) {
         if (file.extension() != ".txt") continue;
-        std::vector<RawLineMatches> more = ParseLineMatchText(ReadImportFile(file), file);
+        std::vector<RawLineMatches> more = ParseLineMatchText(ReadFileBytes(file), file);
         std::move(more.begin(), more.end(), std::back_inserter(all));
       }
     }
@@ -162,11 +164,18 @@ LineMatchMap ImportLineMatches(const fs::path& path, const Reconstruction& model
   }
   if (all.empty()) {
     throw InputError(path,
-                     "there are no matches in it: expected blocks of text, or arrays named "
-                     "NAME1/NAME2/line_matches0 (docs: Importing features)");
+                     "expected matches as text, or arrays named NAME1/NAME2/line_matches0 "
+                     "(docs/import.md), found none");
   }
 
-  const ImageNames names(model);
+  ImageNames names(model);
+  for (const bool is_text : {true, false}) {
+    std::vector<std::string> pairs;
+    for (const RawLineMatches& raw : all) {
+      if (raw.is_text == is_text) pairs.push_back(raw.pair);
+    }
+    names.LearnFromPairs(pairs, is_text);
+  }
   LineMatchMap result;
   std::string unknown;
   for (const RawLineMatches& raw : all) {
@@ -182,8 +191,8 @@ LineMatchMap ImportLineMatches(const fs::path& path, const Reconstruction& model
       const auto it = segments.find(ids[k]);
       if (it == segments.end() && !raw.matches.empty()) {
         throw InputError(raw.place + ": '" + model.images.at(ids[k]).name +
-                         "' has no imported segments, which the matches count; import those of "
-                         "all images");
+                         "' has no imported segments, which its matches count; import the segments "
+                         "of all images");
       }
       lists[k] = it == segments.end() ? nullptr : &it->second;
     }
@@ -226,17 +235,9 @@ LineMatchMap ImportLineMatches(const fs::path& path, const Reconstruction& model
     report->num_matches += matches.size();
   }
   report->num_pairs = result.size();
-  if (result.empty()) {
-    throw InputError(path, fmt::format("none of its {} pairs is of images of the model: expected "
-                                       "names like '{}', found '{}'",
-                                       all.size(), names.Example(), ImportLines::Shown(unknown)));
-  }
-  if (report->num_unknown_pairs > 0) {
-    LogWarning(
-        "{}: {} of {} pairs have images that are not in the model and are left out, for "
-        "example '{}'",
-        path.string(), report->num_unknown_pairs, all.size(), ImportLines::Shown(unknown));
-  }
+  if (result.empty()) throw names.NothingKnown(path, all.size(), "pair", unknown);
+  if (report->num_unknown_pairs > 0)
+    ImageNames::WarnOfUnknown(path, report->num_unknown_pairs, all.size(), "pair", unknown);
   return result;
 }
 

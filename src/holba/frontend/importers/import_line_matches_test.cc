@@ -82,13 +82,13 @@ TEST(LineMatches, BadFilesAreRefusedWithPlaceAndReason) {
     const auto path = folder.Write("m.txt", bytes);
     return MessageOf([&] { Import(path); });
   };
-  EXPECT_THAT(text(""), HasSubstr("there are no matches in it"));
+  EXPECT_THAT(text(""), HasSubstr("expected matches as text"));
   EXPECT_THAT(text("b.jpg c.jpg\n1 x\n"),
               HasSubstr("m.txt:2: expected IDX1 IDX2 [DISTANCE], found '1 x'; a blank line ends"));
   EXPECT_THAT(text("b.jpg c.jpg\n10 0\n"),
               HasSubstr("m.txt:1: segment 10 of 'b.jpg' is matched, which has 10 segments only"));
   EXPECT_THAT(text("b.jpg d.jpg\n1 0\n"),
-              HasSubstr("none of its 1 pairs is of images of the model: expected names like "
+              HasSubstr("none of its names (1 pair) is in the model; expected names like "
                         "'dir/a.jpg', found 'b.jpg d.jpg'"));
   const auto npz = [&](const std::string& npy) {
     const auto path = folder.Write("m.npz", Zip({{"b.jpg/c.jpg/matches0.npy", npy}}));
@@ -105,7 +105,7 @@ TEST(LineMatches, BadFilesAreRefusedWithPlaceAndReason) {
                 ImportLineMatches(folder.Write("m.txt", "b.jpg c.jpg\n1 0\n"), SmallImportModel(),
                                   segments, &report);
               }),
-              HasSubstr("'c.jpg' has no imported segments, which the matches count"));
+              HasSubstr("'c.jpg' has no imported segments, which its matches count"));
 }
 
 TEST(LineMatches, PairsOfOtherImagesAreCounted) {

@@ -1,30 +1,79 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/frontend/importers/import_names.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
+#include <vector>
 
-#include "holba/base/error.h"
+#include "holba/base/log.h"
+#include "holba/base/words.h"
 
 namespace holba {
 
 ImageNames::ImageNames(const Reconstruction& model) {
   for (const auto& [image_id, image] : model.images) {
     if (!by_name_.emplace(image.name, image_id).second) {
-      throw InputError("two images of the model are named '" + image.name +
-                       "': what is imported by name cannot be told apart");
+      throw InputError(
+          "two images of the model have the same name '" + image.name +
+          "', so that what is imported by name cannot be told apart; give one of them another");
     }
     by_stem_[std::string(WithoutExtension(image.name))].insert(image_id);
     std::string dashed = image.name;
     std::replace(dashed.begin(), dashed.end(), '/', '-');
     by_dashed_name_[dashed].insert(image_id);
     ids_.insert(image_id);
+    name_of_.emplace(image_id, image.name);
     if (example_.empty()) example_ = image.name;
   }
 }
 
-std::optional<image_t> ImageNames::Find(std::string_view name) const {
+void ImageNames::Learn(std::span<const std::string> names) {
+  std::vector<std::string_view> unknown, free;
+  std::vector<image_t> free_ids;
+  std::set<image_t> meant;
+  for (const std::string& name : names) {
+    if (const std::optional<image_t> image_id = Find(name)) {
+      meant.insert(*image_id);
+    } else if (std::find(unknown.begin(), unknown.end(), name) == unknown.end()) {
+      unknown.push_back(name);
+    }
+  }
+  if (unknown.empty()) return;
+  for (const auto& [image_id, name] : name_of_) {
+    if (meant.contains(image_id)) continue;
+    free.push_back(name);
+    free_ids.push_back(image_id);
+  }
+  const NamePairing pairing = PairNames(unknown, free);
+  for (size_t i = 0; i < unknown.size(); ++i) {
+    if (pairing.b_of_a[i]) learnt_.emplace(unknown[i], free_ids[*pairing.b_of_a[i]]);
+  }
+  if (pairing.num_by_ending > 0)
+    LogInfo("{}",
+            HowPaired("imported name", meant.size(), pairing.num_by_ending, pairing.examples));
+}
+
+void ImageNames::LearnFromPairs(std::span<const std::string> pairs, bool is_text) {
+  std::set<std::string> names;
+  for (const std::string& pair : pairs) {
+    const size_t at = pair.find_first_of(is_text ? " \t" : "/");
+    if (at == std::string::npos || at != pair.find_last_of(is_text ? " \t" : "/")) continue;
+    names.insert(pair.substr(0, at));
+    names.insert(pair.substr(at + 1));
+  }
+  Learn(std::vector<std::string>(names.begin(), names.end()));
+}
+
+std::optional<image_t> ImageNames::FindWhole(std::string_view name) const {
   if (const auto it = by_name_.find(name); it != by_name_.end()) return it->second;
+  if (const auto it = learnt_.find(name); it != learnt_.end()) return it->second;
+  return std::nullopt;
+}
+
+std::optional<image_t> ImageNames::Find(std::string_view name) const {
+  if (const std::optional<image_t> whole = FindWhole(name)) return whole;
   if (const auto it = by_stem_.find(name); it != by_stem_.end()) {
     if (it->second.size() == 1) return *it->second.begin();
     return std::nullopt;
@@ -59,17 +108,15 @@ std::optional<std::pair<image_t, image_t>> ImageNames::FindPair(std::string_view
   }
   if (found.empty()) {
     for (size_t at = text.find('/'); at != std::string_view::npos; at = text.find('/', at + 1)) {
-      const auto first = by_name_.find(text.substr(0, at));
-      const auto second = by_name_.find(text.substr(at + 1));
-      if (first != by_name_.end() && second != by_name_.end() && first->second != second->second) {
-        found.emplace(first->second, second->second);
-      }
+      const std::optional<image_t> first = FindWhole(text.substr(0, at));
+      const std::optional<image_t> second = FindWhole(text.substr(at + 1));
+      if (first && second && *first != *second) found.emplace(*first, *second);
     }
   }
   if (found.size() > 1) {
     throw InputError(place + ": '" + std::string(text) +
                      "' may mean several pairs of images of the model; give the matches as text "
-                     "(docs: Importing features)");
+                     "(docs/import.md)");
   }
   if (found.empty()) return std::nullopt;
   return *found.begin();
@@ -86,6 +133,21 @@ std::optional<std::pair<image_t, image_t>> ImageNames::FindPairOfWords(
     if (first && second && *first != *second) return std::make_pair(*first, *second);
   }
   return std::nullopt;
+}
+
+InputError ImageNames::NothingKnown(const std::filesystem::path& path, size_t num_all,
+                                    std::string_view thing, std::string_view example) const {
+  constexpr size_t kMaxShown = 60;
+  return InputError(path,
+                    fmt::format("none of its names ({}) is in the model; expected names like "
+                                "'{}', found '{}'",
+                                Counted(num_all, thing), example_, example.substr(0, kMaxShown)));
+}
+
+void ImageNames::WarnOfUnknown(const std::filesystem::path& path, size_t num_unknown,
+                               size_t num_all, std::string_view thing, std::string_view example) {
+  LogWarning("{}: {} of {} {} not in the model and left out, for example '{}'", path.string(),
+             num_unknown, Counted(num_all, thing), Agree(num_unknown, "is", "are"), example);
 }
 
 }  // namespace holba

@@ -60,27 +60,32 @@ bool Unfilter(int filter, size_t pixel_bytes, const std::vector<uint8_t>& above,
   }
 }
 
+constexpr const char* kEndsEarly = "the PNG picture is truncated";
+constexpr const char* kDamagedHeader = "the PNG picture has a damaged header";
+
 }  // namespace
 
 PngImage ParsePng(std::string_view bytes, const std::filesystem::path& path) {
-  const auto fail = [&](const std::string& message) { throw InputError(path, message); };
+  const auto fail = [&](const std::string& message) {
+    throw InputError(path, message + "; save it anew as PNG without interlacing");
+  };
   if (!bytes.starts_with(kSignature)) fail("this is no PNG picture");
   PngImage image;
   int colour_type = -1;
   std::string packed;
   bool at_end = false;
   for (size_t at = kSignature.size(); !at_end;) {
-    if (bytes.size() - at < 12) fail("the PNG picture ends too early: it is truncated");
+    if (bytes.size() - at < 12) fail(kEndsEarly);
     const uint32_t size = BigEndian(bytes, at);
-    if (size > bytes.size() - at - 12) fail("the PNG picture ends too early: it is truncated");
+    if (size > bytes.size() - at - 12) fail(kEndsEarly);
     const std::string_view type = bytes.substr(at + 4, 4), data = bytes.substr(at + 8, size);
     const uLong crc = crc32(0, reinterpret_cast<const Bytef*>(bytes.data() + at + 4),
                             static_cast<uInt>(size + 4));
     if (crc != BigEndian(bytes, at + 8 + size)) {
-      fail(fmt::format("the PNG picture has a wrong checksum at byte {}: it is damaged", at));
+      fail(fmt::format("the PNG picture is damaged (wrong checksum at byte {})", at));
     }
     if (type == "IHDR") {
-      if (size != 13 || colour_type != -1) fail("the PNG picture has a damaged header");
+      if (size != 13 || colour_type != -1) fail(kDamagedHeader);
       const uint64_t width = BigEndian(data, 0), height = BigEndian(data, 4);
       if (width == 0 || height == 0 || width > kMaxPixels || width * height > kMaxPixels) {
         fail(fmt::format("the PNG picture is {} x {} pixels, expected at most {} in all", width,
@@ -97,17 +102,17 @@ PngImage ParsePng(std::string_view bytes, const std::filesystem::path& path) {
       if (image.channels == 0 || data[10] != 0 || data[11] != 0 ||
           !(depth == 8 || (depth == 16 && colour_type != 3) ||
             (small && (colour_type == 0 || colour_type == 3)))) {
-        fail("the PNG picture has a damaged header");
+        fail(kDamagedHeader);
       }
       if (data[12] != 0) {
-        fail("the PNG picture is interlaced, which is not read; save it without interlacing");
+        fail("the PNG picture is interlaced, which is not read");
       }
     } else if (type == "IDAT") {
       packed += data;
     } else if (type == "IEND") {
       at_end = true;
     }
-    if (colour_type == -1) fail("the PNG picture has a damaged header");
+    if (colour_type == -1) fail(kDamagedHeader);
     at += size_t{12} + size;
   }
 

@@ -57,6 +57,20 @@ TEST(ImportRegions, FillsMapsAndNormalsOfTheImagesThatHaveThem) {
   }
 }
 
+TEST(ImportRegions, MapsUnderOtherNamesAreFoundByTheEndsOfTheirPaths) {
+  const TestFolder folder;
+  folder.Write("labels.json", R"({"labels": {"1": "plane"}})");
+  folder.Write("A.png", LabelPng(100, 80, [](int, int) { return 1; }));       // dir/a.jpg
+  folder.Write("set/b.png", LabelPng(100, 80, [](int, int) { return 1; }));   // b.jpg
+  folder.Write("c.jpg.png", LabelPng(100, 80, [](int, int) { return 1; }));   // c.jpg itself
+  folder.Write("else/c.png", LabelPng(100, 80, [](int, int) { return 1; }));  // of nobody
+  ImageFeatureMap features;
+  RegionImportReport report;
+  ImportRegions({folder.path(), {}, {}}, SmallImportModel(), {}, 2, &features, &report);
+  EXPECT_EQ(report.num_maps, 3u);
+  EXPECT_EQ(report.num_images_without, 0u);
+}
+
 TEST(ImportRegions, BadFoldersAndMapsAreRefusedWithTheReason) {
   const TestFolder folder;
   const auto message = [&](const RegionImportPaths& paths) {
@@ -67,12 +81,12 @@ TEST(ImportRegions, BadFoldersAndMapsAreRefusedWithTheReason) {
   EXPECT_EQ(message({}), "");
   EXPECT_THAT(message({folder.path() / "none", {}, {}}), HasSubstr("there is no such folder"));
   EXPECT_THAT(message({folder.path(), {}, {}}),
-              HasSubstr("there is no label map of any image of the model: expected for example "
-                        "'dir/a.jpg.png'"));
+              HasSubstr("expected label maps named as the images of the model, for example "
+                        "'dir/a.jpg.png', found none"));
   folder.Write("labels.json", R"({"labels": {"1": "plane"}})");
   folder.Write("b.png", LabelPng(40, 50, [](int, int) { return 1; }));
   EXPECT_THAT(message({folder.path(), {}, {}}),
-              HasSubstr("the map of 'b.jpg' is 40 x 50 pixels, the image 100 x 80: it must cover"));
+              HasSubstr("the map of 'b.jpg' is 40 x 50 pixels, the image 100 x 80; it must cover"));
 }
 
 }  // namespace

@@ -9,7 +9,9 @@
 
 #include "holba/base/check.h"
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/base/log.h"
+#include "holba/base/words.h"
 #include "holba/frontend/importers/import_names.h"
 #include "holba/frontend/importers/import_store.h"
 #include "holba/frontend/importers/import_text.h"
@@ -92,7 +94,8 @@ void TakeDescriptors(const StoredArray& stored, RawSegments* raw) {
   std::vector<float> values = stored.array.Values<float>();
   for (const float value : values) {
     if (!std::isfinite(value)) {
-      throw InputError(stored.place + ": a descriptor has numbers that are not finite");
+      throw InputError(stored.place +
+                       ": a descriptor has a number that is not finite; remove its segment");
     }
   }
   if (by_row) {
@@ -110,8 +113,8 @@ void TakeDescriptors(const StoredArray& stored, RawSegments* raw) {
 PixelCentre ToPixelCentre(double value, const std::string& place) {
   if (value == 0.0) return PixelCentre::kZero;
   if (value == 0.5) return PixelCentre::kHalf;
-  throw InputError(
-      fmt::format("{}: the centre of the first pixel is at 0 or 0.5, found {}", place, value));
+  throw InputError(fmt::format("{}: expected 0 or 0.5 as the centre of the first pixel, found {}",
+                               place, value));
 }
 
 Eigen::Vector2d ToImageSize(double width, double height, const std::string& place) {
@@ -180,8 +183,8 @@ void Merge(std::map<std::string, RawSegments>* all, std::map<std::string, RawSeg
   for (auto& [name, raw] : more) {
     const std::string place = raw.place;
     if (const auto [it, is_new] = all->emplace(name, std::move(raw)); !is_new) {
-      throw InputError(place + ": the segments of '" + name + "' are there twice, also in " +
-                       it->second.place);
+      throw InputError(place + ": the segments of '" + name +
+                       "' are there twice; remove them here or in " + it->second.place);
     }
   }
 }
@@ -210,8 +213,8 @@ std::map<std::string, RawSegments> ReadArrays(const fs::path& path) {
   }
   if (all.empty() && !fs::is_directory(path)) {
     throw InputError(path,
-                     "there are no segments in it: expected arrays named IMAGE_NAME/lines (or "
-                     "segments) of shape (N, 4), (N, 5) or (N, 2, 2)");
+                     "expected arrays named IMAGE_NAME/lines (or segments) of shape (N, 4), (N, 5) "
+                     "or (N, 2, 2), found no segments");
   }
   return all;
 }
@@ -245,7 +248,8 @@ std::map<std::string, RawSegments> ParseSegmentText(std::string_view bytes, cons
     raw.pixel_centre = pixel_centre;
     raw.image_size = image_size;
     const auto [it, is_new] = all.emplace(name, std::move(raw));
-    if (!is_new) lines.Fail("the segments of '" + name + "' are there twice");
+    if (!is_new)
+      lines.Fail("the segments of '" + name + "' are there twice; remove them here or above");
     current = &it->second;
     columns = 0;
   };
@@ -299,29 +303,28 @@ std::map<std::string, RawSegments> ParseSegmentText(std::string_view bytes, cons
   }
   if (all.empty()) begin_image(image_name);  // an image without segments
   if (announced && (all.size() != 1 || *announced != current->segments.size())) {
-    lines.Fail(fmt::format("the first line announces {} segments, found {}", *announced,
-                           current->segments.size()));
+    lines.Fail(fmt::format("expected as many segments as the first line says, {}, found {}",
+                           *announced, current->segments.size()));
   }
   return all;
 }
 
 std::map<std::string, RawSegments> ReadSegments(const fs::path& path) {
-  if (!fs::exists(path)) throw InputError(path, "there is no such file or folder");
+  if (!fs::exists(path)) throw NoSuchFileOrFolder(path);
   std::map<std::string, RawSegments> all;
   if (fs::is_directory(path)) {
     for (const auto& [name, file] : FilesBelow(path)) {
       if (!IsText(file)) continue;
-      Merge(&all,
-            ParseSegmentText(ReadImportFile(file), file, std::string(WithoutExtension(name))));
+      Merge(&all, ParseSegmentText(ReadFileBytes(file), file, std::string(WithoutExtension(name))));
     }
     Merge(&all, ReadArrays(path));
     if (all.empty()) {
-      throw InputError(path,
-                       "there are no segments in this folder: expected files IMAGE_NAME.txt, .npz "
-                       "or .npy");
+      throw InputError(
+          path,
+          "expected files IMAGE_NAME.txt, .npz or .npy of segments in this folder, found none");
     }
   } else if (IsText(path)) {
-    all = ParseSegmentText(ReadImportFile(path), path, path.stem().string());
+    all = ParseSegmentText(ReadFileBytes(path), path, path.stem().string());
   } else if (HoldsArrays(path)) {
     all = ReadArrays(path);
   } else {
@@ -335,12 +338,15 @@ std::map<image_t, ImportedSegments> ImportSegments(const fs::path& path,
                                                    const Reconstruction& model,
                                                    const SegmentImportOptions& options,
                                                    SegmentImportReport* report) {
-  const ImageNames names(model);
   std::map<image_t, ImportedSegments> result;
   std::map<image_t, std::string> name_of;
   std::string unknown;
   size_t num_unused_lists = 0, unused_size = 0;
   const std::map<std::string, RawSegments> all = ReadSegments(path);
+  ImageNames names(model);
+  std::vector<std::string> names_of_file;
+  for (const auto& [name, raw] : all) names_of_file.push_back(name);
+  names.Learn(names_of_file);
   for (const auto& [name, raw] : all) {
     const std::optional<image_t> image_id = names.Find(name);
     if (!image_id) {
@@ -381,8 +387,8 @@ std::map<image_t, ImportedSegments> ImportSegments(const fs::path& path,
         if (outside > options.max_outside_px) {
           throw InputError(fmt::format(
               "{}: segment {} of '{}' ends at ({:.1f}, {:.1f}), {:.1f} px outside of the image, "
-              "which is {} x {}; if the detector worked on a resized image, say its size (SIZE in "
-              "text, image_size in npz and HDF5)",
+              "which is {} x {}; give the size of the image that the detector worked on, if it was "
+              "resized (SIZE in text, image_size in npz and HDF5)",
               raw.place, i, image.name, x.x(), x.y(), outside, camera.width, camera.height));
         }
       }
@@ -401,8 +407,9 @@ std::map<image_t, ImportedSegments> ImportSegments(const fs::path& path,
             raw.descriptors.data() + i * kSegmentDescriptorSize, kSegmentDescriptorSize);
         const float norm = descriptor.norm();
         if (!(norm > 0.0f) || !std::isfinite(norm)) {
-          throw InputError(
-              fmt::format("{}: segment {} has a descriptor of norm {}", raw.place, i, norm));
+          throw InputError(fmt::format(
+              "{}: expected a finite descriptor other than 0 of segment {}, found one of norm {}",
+              raw.place, i, norm));
         }
         for (const float value : descriptor) imported.descriptors.push_back(value / norm);
       }
@@ -412,19 +419,16 @@ std::map<image_t, ImportedSegments> ImportSegments(const fs::path& path,
   report->num_images = result.size();
   report->num_images_without = model.images.size() - result.size();
   if (result.empty() && report->num_unknown_names > 0) {
-    throw InputError(path, fmt::format("none of its {} images is in the model: expected names like "
-                                       "'{}', found '{}'",
-                                       report->num_unknown_names, names.Example(), unknown));
+    throw names.NothingKnown(path, report->num_unknown_names, "image", unknown);
   }
   if (report->num_unknown_names > 0) {
-    LogWarning("{}: {} of {} images are not in the model and are left out, for example '{}'",
-               path.string(), report->num_unknown_names, all.size(), unknown);
+    ImageNames::WarnOfUnknown(path, report->num_unknown_names, all.size(), "image", unknown);
   }
   if (num_unused_lists > 0) {
     LogWarning(
-        "{}: the descriptors of {} images have {} values, not the {} of our own, and are not used: "
+        "{}: the descriptors of {} have {} values, not the {} of holba's own, and are not used; "
         "import the matches of their matcher, too",
-        path.string(), num_unused_lists, unused_size, kSegmentDescriptorSize);
+        path.string(), Counted(num_unused_lists, "image"), unused_size, kSegmentDescriptorSize);
   }
   return result;
 }

@@ -44,7 +44,7 @@ TEST(ImageNames, AnImageIsFoundByNameStemOrLimapsFile) {
   EXPECT_EQ(ImageNames(model).Find("b"), std::nullopt) << "two images have this stem";
   EXPECT_EQ(ImageNames(model).Find("b.png"), 3u);
   model.images.at(3).name = "b.jpg";
-  EXPECT_THAT(MessageOf([&] { ImageNames twice(model); }), HasSubstr("are named 'b.jpg'"));
+  EXPECT_THAT(MessageOf([&] { ImageNames twice(model); }), HasSubstr("have the same name 'b.jpg'"));
 }
 
 TEST(ImageNames, PairsAreFoundAsHlocWritesThem) {
@@ -98,7 +98,7 @@ TEST(SegmentText, LimapsCountIsChecked) {
   EXPECT_EQ(Import(folder.path()).at(2).segments.size(), 2u);
   folder.Write("segments_2.txt", "3\n1 2 3 4\n5 6 7 8\n");
   EXPECT_THAT(MessageOf([&] { Import(folder.path()); }),
-              HasSubstr("the first line announces 3 segments, found 2"));
+              HasSubstr("expected as many segments as the first line says, 3, found 2"));
 }
 
 TEST(SegmentText, BadLinesAreNamed) {
@@ -112,11 +112,12 @@ TEST(SegmentText, BadLinesAreNamed) {
   EXPECT_EQ(message("1 2 3 4\n1 2 3 4 5\n"),
             "x.txt:2: expected a SCORE for all segments of an image or for none");
   EXPECT_EQ(message("PIXEL_CENTRE 1\n"),
-            "x.txt:1: the centre of the first pixel is at 0 or 0.5, found 1");
+            "x.txt:1: expected 0 or 0.5 as the centre of the first pixel, found 1");
   EXPECT_EQ(message("SIZE 0 5\n"),
             "x.txt:1: expected the width and height of the image in pixels, found 0 and 5");
   EXPECT_EQ(message("IMAGE\n"), "x.txt:1: expected IMAGE NAME, found no name");
-  EXPECT_EQ(message("IMAGE a\nIMAGE a\n"), "x.txt:2: the segments of 'a' are there twice");
+  EXPECT_EQ(message("IMAGE a\nIMAGE a\n"),
+            "x.txt:2: the segments of 'a' are there twice; remove them here or above");
 }
 
 TEST(SegmentArrays, NpzOfAllImagesCountsPixelsFromZero) {
@@ -197,9 +198,10 @@ TEST(SegmentArrays, WrongShapesAndNumbersAreNamed) {
                         "with a score, or (N, 2, 2) [[x1 y1] [x2 y2]], found (2, 3) float32"));
   EXPECT_THAT(message(Npy("<f4", "(1, 4)", std::vector<float>{1, 2, NAN, 4})),
               HasSubstr("'lines': segment 0 has the number nan"));
-  EXPECT_THAT(message(Npy("<f4", "(1, 4)", std::vector<float>{1, 2, 300, 4})),
-              HasSubstr("segment 0 of 'b.jpg' ends at (300.5, 4.5), 200.5 px outside of the image, "
-                        "which is 100 x 80; if the detector worked on a resized image"));
+  EXPECT_THAT(
+      message(Npy("<f4", "(1, 4)", std::vector<float>{1, 2, 300, 4})),
+      HasSubstr("segment 0 of 'b.jpg' ends at (300.5, 4.5), 200.5 px outside of the image, which "
+                "is 100 x 80; give the size of the image that the detector worked on"));
   EXPECT_EQ(message(Npy("<f4", "(1, 4)", std::vector<float>{1, 2, 101.4f, 81.4f})), "")
       << "a little outside is what detectors do";
   EXPECT_EQ(message(Npy("<f4", "(0, 4)", std::vector<float>{})), "");
@@ -218,8 +220,8 @@ TEST(ImportSegments, NamesThatAreNoImageAreCountedAndAllOfThemAreRefused) {
   EXPECT_EQ(report.num_unknown_names, 1u);
   std::filesystem::remove(folder.path() / "b.txt");
   EXPECT_THAT(MessageOf([&] { Import(folder.path()); }),
-              HasSubstr("none of its 1 images is in the model: expected names like 'dir/a.jpg', "
-                        "found 'other'"));
+              HasSubstr("none of its names (1 image) is in the model; expected names like "
+                        "'dir/a.jpg', found 'other'"));
   folder.Write("b.txt", "1 2 3 4\n");
   folder.Write("b.npy", FromBase64(kNpyFloat32));
   EXPECT_THAT(MessageOf([&] { Import(folder.path()); }), HasSubstr("'b' are there twice"));
@@ -232,11 +234,12 @@ TEST(ImportSegments, NamesThatAreNoImageAreCountedAndAllOfThemAreRefused) {
 TEST(ImportSegments, PathsWithoutSegmentsAreRefused) {
   const TestFolder folder;
   EXPECT_THAT(MessageOf([&] { Import(folder.path() / "none.txt"); }), HasSubstr("no such file"));
-  EXPECT_THAT(MessageOf([&] { Import(folder.path()); }), HasSubstr("no segments in this folder"));
+  EXPECT_THAT(MessageOf([&] { Import(folder.path()); }),
+              HasSubstr("of segments in this folder, found none"));
   EXPECT_THAT(MessageOf([&] { Import(folder.Write("x.json", "{}")); }),
               HasSubstr("ends in .txt, .npz, .npy, .h5 or .hdf5"));
   EXPECT_THAT(MessageOf([&] { Import(folder.Write("x.h5", FromBase64(kHdf5Matches))); }),
-              HasSubstr("there are no segments in it"));
+              HasSubstr("found no segments"));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/frontend/importers/hdf5_file.h"
 #include "holba/frontend/importers/import_names.h"
 #include "holba/frontend/importers/npz.h"
@@ -20,7 +21,7 @@ std::string LowerExtension(const fs::path& path) {
 
 void AddNpz(const fs::path& path, const std::string& prefix,
             const std::function<bool(std::string_view)>& wanted, StoredArrays* arrays) {
-  const NpzArchive archive(ReadImportFile(path), path);
+  const NpzArchive archive(ReadFileBytes(path), path);
   for (const std::string& name : archive.Names()) {
     const std::string key = prefix + name;
     if (!wanted(key)) continue;
@@ -55,14 +56,14 @@ std::map<std::string, fs::path> FilesBelow(const fs::path& folder) {
     if (!it->is_regular_file()) continue;
     files.emplace(it->path().lexically_relative(folder).generic_string(), it->path());
   }
-  if (error) throw InputError(folder, "the folder cannot be read: " + error.message());
+  if (error) throw CannotBeRead(folder, error.message());
   return files;
 }
 
 StoredArrays ReadStoredArrays(const fs::path& path,
                               const std::function<bool(std::string_view path)>& wanted) {
   StoredArrays arrays;
-  if (!fs::exists(path)) throw InputError(path, "there is no such file or folder");
+  if (!fs::exists(path)) throw NoSuchFileOrFolder(path);
   if (fs::is_directory(path)) {
     for (const auto& [name, file] : FilesBelow(path)) {
       const std::string stem(WithoutExtension(name));
@@ -70,7 +71,7 @@ StoredArrays ReadStoredArrays(const fs::path& path,
       if (extension == ".npz") {
         AddNpz(file, stem + "/", wanted, &arrays);
       } else if (extension == ".npy" && wanted(stem)) {
-        arrays[stem] = {ParseNpy(ReadImportFile(file), file.string()), file.string()};
+        arrays[stem] = {ParseNpy(ReadFileBytes(file), file.string()), file.string()};
       }
     }
   } else if (HasHdf5Extension(path)) {
@@ -81,7 +82,7 @@ StoredArrays ReadStoredArrays(const fs::path& path,
     AddNpz(path, "", wanted, &arrays);
   } else if (LowerExtension(path) == ".npy") {
     const std::string stem = path.stem().string();
-    if (wanted(stem)) arrays[stem] = {ParseNpy(ReadImportFile(path), path.string()), path.string()};
+    if (wanted(stem)) arrays[stem] = {ParseNpy(ReadFileBytes(path), path.string()), path.string()};
   } else {
     throw InputError(path, "expected a folder, or a file that ends in .npy, .npz or .h5");
   }

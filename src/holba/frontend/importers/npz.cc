@@ -42,7 +42,7 @@ class HeaderParser {
       Expect(':');
       if (key == "descr") {
         if (Next() == '[') {
-          Fail("holds records (a structured type); " + std::string(kNpyRemedy));
+          Fail("holds records (a structured type)");
         }
         descr = Quoted();
       } else if (key == "fortran_order") {
@@ -51,18 +51,18 @@ class HeaderParser {
         Shape();
         has_shape = true;
       } else {
-        Fail("its header has an unknown key '" + key.substr(0, 40) + "'");
+        Fail("has an unknown key '" + key.substr(0, 40) + "' in its header");
       }
       if (!Take(',')) {
         Expect('}');
         break;
       }
     }
-    if (descr.empty() || !has_shape) Fail("its header lacks the type or the shape");
+    if (descr.empty() || !has_shape) Fail("lacks its type or its shape");
   }
 
   [[noreturn]] void Fail(const std::string& message) const {
-    throw InputError(place_ + ": the array " + message);
+    throw InputError(place_ + ": the array " + message + "; " + kNpyRemedy);
   }
 
   std::string descr;
@@ -175,9 +175,11 @@ void ToRowOrder(const std::vector<uint64_t>& shape, size_t element, std::string*
 }  // namespace
 
 NumericArray ParseNpy(std::string_view bytes, const std::string& place) {
-  const auto fail = [&](const std::string& message) { throw InputError(place + ": " + message); };
+  const auto fail = [&](const std::string& message) {
+    throw InputError(place + ": " + message + "; " + kNpyRemedy);
+  };
   if (!bytes.starts_with("\x93NUMPY") || bytes.size() < 10) {
-    fail(std::string("this is no array of numpy (.npy); ") + kNpyRemedy);
+    fail("this is no array of numpy (.npy)");
   }
   const int version = static_cast<uint8_t>(bytes[6]);
   if (version < 1 || version > 3) {
@@ -187,23 +189,21 @@ NumericArray ParseNpy(std::string_view bytes, const std::string& place) {
   std::optional<uint32_t> stated = Peek<uint32_t>(bytes, 8);
   if (version == 1) stated = *Peek<uint16_t>(bytes, 8);
   if (!stated || bytes.size() - header_at < *stated) {
-    fail("the array is cut off in its header: it is truncated");
+    fail("the array is truncated in its header");
   }
   HeaderParser header(bytes.substr(header_at, *stated), place);
   header.Parse();
 
   const std::string& descr = header.descr;
   if (descr.find('O') != std::string::npos) {
-    header.Fail(std::string("holds pickled Python objects, which are not read (they could run "
-                            "code); ") +
-                kNpyRemedy);
+    header.Fail("holds pickled Python objects, which are not read (they could run code)");
   }
   const std::optional<ElementType> type =
       descr.size() == 3 ? TypeOf(descr[1], descr[2]) : std::nullopt;
   const char order = descr[0];
   if (!type || (order != '<' && order != '>' && order != '|' && order != '=')) {
     header.Fail("is of type '" + descr.substr(0, 40) +
-                "', expected numbers (bool, int8 to uint64, float16 to float64); " + kNpyRemedy);
+                "', expected numbers (bool, int8 to uint64, float16 to float64)");
   }
   NumericArray array;
   array.shape = header.shape;
@@ -214,8 +214,8 @@ NumericArray ParseNpy(std::string_view bytes, const std::string& place) {
   }
   const std::string_view data = bytes.substr(header_at + *stated);
   if (data.size() != expected) {
-    header.Fail(fmt::format("has {} bytes of numbers, expected {} of a {}: it is {}", data.size(),
-                            expected, array.ShapeText(),
+    header.Fail(fmt::format("has {} bytes of numbers, expected {} of a {}, so that it is {}",
+                            data.size(), expected, array.ShapeText(),
                             data.size() < expected ? "truncated" : "damaged"));
   }
   array.bytes = data;
@@ -247,7 +247,7 @@ NpzArchive::NpzArchive(std::string bytes, const std::filesystem::path& path)
       break;
     }
   }
-  if (end_at == std::string_view::npos) Fail("the archive has no end record: it is truncated");
+  if (end_at == std::string_view::npos) Fail("the archive is truncated (it has no end record)");
   uint64_t num_entries = *Peek<uint16_t>(all, end_at + 10);
   uint64_t directory_size = *Peek<uint32_t>(all, end_at + 12);
   uint64_t at = *Peek<uint32_t>(all, end_at + 16);
@@ -263,14 +263,17 @@ NpzArchive::NpzArchive(std::string bytes, const std::filesystem::path& path)
     at = *Peek<uint64_t>(all, end64_at + 48);
   }
   if (at > end_at || directory_size > end_at - at) {
-    Fail("the archive's table of contents lies outside of it: it is truncated");
+    Fail("the archive is truncated (its table of contents lies outside of it)");
   }
   const std::string_view directory = all.substr(0, at + directory_size);
+  const auto fail_entry = [&](uint64_t i) {
+    Fail(fmt::format("entry {} of the archive's table of contents is damaged", i));
+  };
   uint64_t packed_left = all.size();  // entries that share their bytes could make a bomb
   for (uint64_t i = 0; i < num_entries; ++i) {
     constexpr size_t kHeaderSize = 46;
     if (directory.substr(at, 4) != "PK\x01\x02" || directory.size() - at < kHeaderSize) {
-      Fail(fmt::format("entry {} of the archive's table of contents is damaged", i));
+      fail_entry(i);
     }
     const uint16_t flags = *Peek<uint16_t>(directory, at + 8);
     Entry entry;
@@ -283,7 +286,7 @@ NpzArchive::NpzArchive(std::string bytes, const std::filesystem::path& path)
     const size_t extra_size = *Peek<uint16_t>(directory, at + 30);
     const size_t comment_size = *Peek<uint16_t>(directory, at + 32);
     if (directory.size() - at - kHeaderSize < name_size + extra_size + comment_size) {
-      Fail(fmt::format("entry {} of the archive's table of contents is damaged", i));
+      fail_entry(i);
     }
     std::string name(directory.substr(at + kHeaderSize, name_size));
     // zip64: the numbers that did not fit, in this order.

@@ -91,10 +91,11 @@ TEST(Npy, BadFilesAreRefusedWithTheReason) {
   EXPECT_THAT(message(FromBase64(kNpyPickle)), HasSubstr("pickled Python objects"));
   EXPECT_THAT(message(FromBase64(kNpyRecords)), HasSubstr("structured type"));
   std::string bytes = FromBase64(kNpyFloat32);
-  EXPECT_THAT(message(bytes.substr(0, bytes.size() - 1)),
-              HasSubstr("has 31 bytes of numbers, expected 32 of a (2, 4) float32: it is trunc"));
+  EXPECT_THAT(
+      message(bytes.substr(0, bytes.size() - 1)),
+      HasSubstr("has 31 bytes of numbers, expected 32 of a (2, 4) float32, so that it is trunc"));
   EXPECT_THAT(message(bytes + "x"), HasSubstr("has 33 bytes of numbers"));
-  EXPECT_THAT(message(bytes.substr(0, 40)), HasSubstr("cut off in its header"));
+  EXPECT_THAT(message(bytes.substr(0, 40)), HasSubstr("truncated in its header"));
   bytes[6] = 9;
   EXPECT_THAT(message(bytes), HasSubstr("version 9 of .npy is not known"));
   const std::vector<float> none;
@@ -156,7 +157,8 @@ TEST(Npz, BadArchivesAreRefusedWithTheReason) {
   };
   ASSERT_EQ(message(good), "");
   EXPECT_THAT(message("text"), StartsWith("x.npz: this is no archive of numpy"));
-  EXPECT_THAT(message(good.substr(0, good.size() - 1)), HasSubstr("no end record: it is trunc"));
+  EXPECT_THAT(message(good.substr(0, good.size() - 1)),
+              HasSubstr("the archive is truncated (it has no end record)"));
   EXPECT_THAT(message(Zip({{"a.npy", array}, {"a.npy", array}})), HasSubstr("'a' is there twice"));
   const auto changed = [&](size_t from, const std::string& what, const std::string& to) {
     std::string bytes = good;

@@ -12,6 +12,8 @@
 #include <string>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
+#include "holba/frontend/photographs/decode_fault.h"
 
 namespace holba {
 namespace {
@@ -119,13 +121,12 @@ bool Encode(const ColourImage& image, std::FILE* file) {
 
 DecodedImage ReadJpeg(const std::filesystem::path& path, bool grey) {
   const File file(std::fopen(path.c_str(), "rb"), std::fclose);
-  if (!file) throw InputError(path, "cannot be opened for reading");
+  if (!file) throw CannotBeRead(path, SystemFault());
   DecodedImage image;
   ErrorHandler handler;
   size_t channels = 0;
   if (!Decode(file.get(), grey, &handler, &image, &channels))
-    throw InputError(path, std::string("the JPEG file cannot be decoded: ") + handler.message +
-                               "; save it anew, in RGB or grey, under the same name");
+    throw CannotBeDecoded(path, "JPEG", handler.message);
   image.ends_early = handler.ends_early;
   if (channels < 4) return image;
   const size_t num_pixels = image.pixels.size() / 4;

@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
 #include "holba/frontend/photographs/jpeg_file.h"
 #include "holba/frontend/photographs/plain_files.h"
 #include "holba/frontend/photographs/png_file.h"
@@ -23,7 +24,7 @@ namespace {
 std::string ReadAll(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   std::string bytes{std::istreambuf_iterator<char>(file), {}};
-  if (!file) throw InputError(path, "cannot be read");
+  if (!file) throw CannotBeRead(path, SystemFault());
   return bytes;
 }
 
@@ -37,7 +38,7 @@ Format FormatOf(const std::filesystem::path& path) {
                      "names of the model belong to");
   }
   std::FILE* file = std::fopen(path.c_str(), "rb");
-  if (file == nullptr) throw InputError(path, "cannot be opened for reading");
+  if (file == nullptr) throw CannotBeRead(path, SystemFault());
   char bytes[8] = {};
   const std::string_view head(bytes, std::fread(bytes, 1, sizeof(bytes), file));
   std::fclose(file);
@@ -75,8 +76,8 @@ DecodedImage Decode(const std::filesystem::path& path, bool grey) {
       break;
     case Format::kUnknown:
       throw InputError(path,
-                       "this is no JPEG, PNG, TIFF, BMP or PNM (PPM, PGM) file, or it is damaged; "
-                       "convert it to one of these under the same name");
+                       "expected a JPEG, PNG, TIFF, BMP or PNM (PPM, PGM) file, found another or a "
+                       "damaged one; convert it to one of these under the same name");
   }
   return grey ? ToGrey(colour) : colour;
 }
@@ -97,10 +98,9 @@ void WriteImage(const ColourImage& image, const std::filesystem::path& path) {
   std::string extension = path.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return std::tolower(c); });
+  errno = 0;
   const bool written = extension == ".png" ? WritePng(image, path) : WriteJpeg(image, path);
-  if (!written)
-    throw InputError(
-        path, "the picture cannot be written: is the disk full, or the folder write-protected?");
+  if (!written) throw CannotBeWritten(path, SystemFault());
 }
 
 }  // namespace holba

@@ -328,7 +328,7 @@ TEST_F(Photograph, ThatIsDamagedIsRefused) {
     ExpectFault(head, "cannot be decoded");
   }
   Write("text.jpg", "no image at all");
-  ExpectFault("text.jpg", "no JPEG, PNG, TIFF, BMP or PNM");
+  ExpectFault("text.jpg", "expected a JPEG, PNG, TIFF, BMP or PNM");
   ExpectFault("missing.jpg", "there is no such image");
   // Any other byte of a file may be wrong: read or refused, never a crash.
   WriteTiff("a.tif", image, 8, PHOTOMETRIC_RGB);

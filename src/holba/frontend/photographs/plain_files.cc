@@ -8,21 +8,21 @@
 #include <string>
 
 #include "holba/base/error.h"
+#include "holba/frontend/photographs/decode_fault.h"
 
 namespace holba {
 namespace {
 
 [[noreturn]] void Refuse(const std::filesystem::path& path, const char* format,
                          const std::string& why) {
-  throw InputError(path, std::string("the ") + format + " file cannot be decoded: " + why +
-                             "; save it anew under the same name");
+  throw CannotBeDecoded(path, format, why);
 }
 
 DecodedImage MakeImage(int64_t width, int64_t height, const char* format,
                        const std::filesystem::path& path) {
   const auto most = static_cast<int64_t>(kMaxImageBytes / 3);
   if (width <= 0 || height <= 0 || width > most || height > most / width)
-    Refuse(path, format, "its size is not read");
+    Refuse(path, format, "its width or height is 0 or too large");
   DecodedImage image{static_cast<int>(width), static_cast<int>(height), {}};
   image.pixels.resize(3 * static_cast<size_t>(width) * static_cast<size_t>(height));
   return image;

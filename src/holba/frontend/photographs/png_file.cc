@@ -10,6 +10,8 @@
 #include <string>
 
 #include "holba/base/error.h"
+#include "holba/base/file_faults.h"
+#include "holba/frontend/photographs/decode_fault.h"
 
 namespace holba {
 namespace {
@@ -91,12 +93,10 @@ bool Encode(const ColourImage& image, std::FILE* file) {
 
 DecodedImage ReadPng(const std::filesystem::path& path) {
   const File file(std::fopen(path.c_str(), "rb"), std::fclose);
-  if (!file) throw InputError(path, "cannot be opened for reading");
+  if (!file) throw CannotBeRead(path, SystemFault());
   DecodedImage image;
   ErrorHandler handler;
-  if (!Decode(file.get(), &handler, &image))
-    throw InputError(path, std::string("the PNG file cannot be decoded: ") + handler.message +
-                               "; save it anew under the same name");
+  if (!Decode(file.get(), &handler, &image)) throw CannotBeDecoded(path, "PNG", handler.message);
   return image;
 }
 

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "holba/base/error.h"
+#include "holba/frontend/photographs/decode_fault.h"
 
 namespace holba {
 namespace {
@@ -26,8 +27,7 @@ int KeepMessage(TIFF*, void* message, const char*, const char* format, va_list a
 int IgnoreMessage(TIFF*, void*, const char*, const char*, va_list) { return 1; }
 
 [[noreturn]] void Refuse(const std::filesystem::path& path, const std::string& why) {
-  throw InputError(path, "the TIFF file cannot be decoded: " + why +
-                             "; save it anew, with 8 bits a channel, under the same name");
+  throw CannotBeDecoded(path, "TIFF", why);
 }
 
 }  // namespace
@@ -50,7 +50,8 @@ DecodedImage ReadTiff(const std::filesystem::path& path) {
   // Rows as they are stored, whatever the orientation says.
   image.req_orientation = image.orientation;
   const size_t num_pixels = size_t{image.width} * image.height;
-  if (num_pixels == 0 || num_pixels > kMaxImageBytes / 3) Refuse(path, "its size is not read");
+  if (num_pixels == 0 || num_pixels > kMaxImageBytes / 3)
+    Refuse(path, "it has no size, or one that is too large");
   std::vector<uint32_t> rgba(num_pixels);
   if (!TIFFRGBAImageGet(&image, rgba.data(), image.width, image.height)) Refuse(path, message);
   DecodedImage decoded;
