@@ -52,14 +52,16 @@ class Resistance {
         scale_is_known_(scale_is_known) {
     FlatIndex frame_idx(selection.frames.size());
     for (const auto& frame : selection.frames) frame_idx.Add(frame.id);
+    for (const auto& [id, image] : images) image_idx_.Add(id);
+    const std::vector<char> sees = ImagesThatSee();
     std::vector<std::optional<Eigen::Vector3d>> held_centre(selection.frames.size());  // in its rig
-    for (const auto& [id, image] : images) {
-      image_idx_.Add(id);
+    for (size_t i = 0; i < images.size(); ++i) {
+      const Image* image = images[i].second;
       const uint32_t frame = frame_idx.Find(image->frame_id);
       const bool constant = selection.frames[frame].constant;
       views_.push_back({image->cam_from_world.OriginInA(), constant});
       centre_ += views_.back().centre;
-      if (!constant && !variable_sensors.contains(KeyOf(model, *image))) {
+      if (!constant && sees[i] && !variable_sensors.contains(KeyOf(model, *image))) {
         const Eigen::Vector3d centre = model.SensorFromRig(*image).OriginInA();
         scale_is_known_ |= held_centre[frame] && (centre - *held_centre[frame]).norm() > 0.0;
         held_centre[frame] = centre;
@@ -99,6 +101,33 @@ class Resistance {
   }
 
  private:
+  // By the numbers of the images. One that sees nothing of the selection has no residual: its
+  // place in the rig fixes nothing. Not looked at where no frame has a baseline.
+  std::vector<char> ImagesThatSee() const {
+    const size_t num_images = image_idx_.size();
+    const bool any_baseline =
+        std::any_of(selection_.frames.begin(), selection_.frames.end(),
+                    [&](const auto& frame) { return model_.frames.at(frame.id).data.size() > 1; });
+    if (!any_baseline) return std::vector<char>(num_images, 1);
+    std::vector<char> sees(num_images, 0);
+    size_t num_blind = num_images;
+    const auto look = [&](const auto& track) {
+      for (const auto& observation : track) {
+        const uint32_t idx = image_idx_.Find(observation.image_id);
+        if (idx == FlatIndex::kNone || sees[idx]) continue;
+        sees[idx] = 1;
+        --num_blind;
+      }
+    };
+    for (const auto& point : selection_.points) {
+      if (num_blind == 0) return sees;
+      look(model_.points3D.at(point.id).track);
+    }
+    if (options_.config < BundleConfig::kPointLine) return sees;
+    for (const auto& line : selection_.lines) look(model_.lines3D.at(line.id).track);
+    return sees;
+  }
+
   Motion MotionOf(const Eigen::Vector3d& X) const {
     const Eigen::Vector3d Y = (X - centre_) / unit_;
     Motion motion;
@@ -271,14 +300,44 @@ Eigen::Matrix<double, 3, 7> RotationMotion(const Rigid3d& pose) {
   motion.leftCols<3>() = -pose.RotationMatrix();
   return motion;
 }
-// t = -R c, where the centre c moves like a point; once no similarity that is free rotates.
-Eigen::Matrix<double, 3, 7> TranslationMotion(const Rigid3d& pose, const Eigen::Vector3d& centre,
-                                              double unit) {
+// t = -R c, where the place c moves like a point; once no similarity that is free rotates.
+Eigen::Matrix<double, 3, 7> TranslationMotion(const Rigid3d& pose, const Eigen::Vector3d& place,
+                                              const Eigen::Vector3d& centre, double unit) {
   const Eigen::Matrix3d R = pose.RotationMatrix();
   Eigen::Matrix<double, 3, 7> motion = Eigen::Matrix<double, 3, 7>::Zero();
   motion.block<3, 3>(0, 3) = -R;
-  motion.rightCols<1>() = -R * (pose.OriginInA() - centre) / unit;
+  motion.rightCols<1>() = -R * (place - centre) / unit;
   return motion;
+}
+
+// The sensor that is held in the place of a rig's reference; null: none, the reference is.
+const Rig::Sensor* StandIn(const Reconstruction& model, const BundleSelection& selection,
+                           rig_t rig_id) {
+  for (const HeldSensor& held : selection.held_sensors) {
+    if (held.rig_id != rig_id || held.why != HeldSensor::Why::kStandsForReference) continue;
+    for (const Rig::Sensor& sensor : model.rigs.at(rig_id).sensors) {
+      if (sensor.id == SensorId{SensorType::kCamera, held.camera_id}) return &sensor;
+    }
+  }
+  return nullptr;
+}
+
+// Where the sensor of a frame is that is held in the rig. Under a similarity of all cameras and
+// features, the translation of the frame's pose follows this place.
+Eigen::Vector3d PlaceOf(const Reconstruction& model, const BundleSelection& selection,
+                        const Frame& frame) {
+  const Rig::Sensor* stand_in = StandIn(model, selection, frame.rig_id);
+  if (stand_in == nullptr) return frame.rig_from_world.OriginInA();
+  return (*stand_in->sensor_from_rig * frame.rig_from_world).OriginInA();
+}
+
+// How an adjusted sensor's translation in its rig grows with the scale.
+Eigen::Vector3d BaselineOf(const Reconstruction& model, const BundleSelection& selection,
+                           const Image& image) {
+  const Rigid3d& sensor_from_rig = model.SensorFromRig(image);
+  const Rig::Sensor* stand_in = StandIn(model, selection, model.frames.at(image.frame_id).rig_id);
+  if (stand_in == nullptr) return sensor_from_rig.translation;
+  return sensor_from_rig * stand_in->sensor_from_rig->OriginInA();
 }
 
 // Takes the coordinates of `rows` (their derivatives by what is free) that determine most, one
@@ -333,13 +392,15 @@ FixedGauge ChooseGauge(const Reconstruction& model, const BundleOptions& options
   int coordinate = 0;
   for (const auto& [image_id, image] : images) {
     if (!variable.contains(image->frame_id)) continue;
-    const Rigid3d& pose = model.frames.at(image->frame_id).rig_from_world;
+    const Frame& frame = model.frames.at(image->frame_id);
+    const Rigid3d& pose = frame.rig_from_world;
+    const Eigen::Vector3d place = PlaceOf(model, selection, frame);
     if (gauge.origin_frame == kInvalidId32) {
       gauge.origin_frame = image->frame_id;
-      origin = pose.OriginInA();
+      origin = place;
     }
     // Scaling the scene about the first camera moves this translation along R (c - origin).
-    const Eigen::Vector3d move = pose.RotationMatrix() * (pose.OriginInA() - origin);
+    const Eigen::Vector3d move = pose.RotationMatrix() * (place - origin);
     if (move.norm() <= farthest) continue;
     farthest = move.norm();
     gauge.scale_frame = image->frame_id;
@@ -352,13 +413,13 @@ FixedGauge ChooseGauge(const Reconstruction& model, const BundleOptions& options
   for (const auto& [image_id, image] : images) {
     if (!variable.contains(image->frame_id) || !variable_sensors.contains(KeyOf(model, *image)))
       continue;
-    const Eigen::Vector3d& translation = model.SensorFromRig(*image).translation;
-    if (translation.norm() <= farthest) continue;
-    farthest = translation.norm();
+    const Eigen::Vector3d of_sensor = BaselineOf(model, selection, *image);
+    if (of_sensor.norm() <= farthest) continue;
+    farthest = of_sensor.norm();
     gauge.scale_frame = kInvalidId32;
     gauge.scale_rig = model.frames.at(image->frame_id).rig_id;
     gauge.scale_camera = image->camera_id;
-    baseline = translation;
+    baseline = of_sensor;
     baseline.cwiseAbs().maxCoeff(&coordinate);
   }
   if (free.cols() == 7) {
@@ -367,8 +428,9 @@ FixedGauge ChooseGauge(const Reconstruction& model, const BundleOptions& options
     return gauge;
   }
   const auto translation_of = [&](frame_t id) {
-    return TranslationMotion(model.frames.at(id).rig_from_world, resistance.centre(),
-                             resistance.unit());
+    const Frame& frame = model.frames.at(id);
+    return TranslationMotion(frame.rig_from_world, PlaceOf(model, selection, frame),
+                             resistance.centre(), resistance.unit());
   };
   gauge.origin_held =
       HoldCoordinates(RotationMotion(model.frames.at(gauge.origin_frame).rig_from_world), 0, &free);

@@ -34,8 +34,8 @@ struct FixedGauge {
 // measured: each residual between something held and something variable resists a similarity of all
 // that is variable in some directions, and the rank of these is what is fixed. This covers held
 // frames, points, lines and groups (through their members), and the baseline between two sensors of
-// a rig that are held fixes the scale; sensors whose poses are adjusted fix nothing. Relations and
-// measurements of groups do not count. Of what is left,
+// a rig that are held and see something in one frame fixes the scale; sensors whose poses are
+// adjusted fix nothing. Relations and measurements of groups do not count. Of what is left,
 // - all seven: the first variable frame is held, and of the frame farthest from it the translation
 //   coordinate that scaling about the first one moves most (COLMAP's two cameras); in the place of
 //   that frame a sensor whose pose is adjusted, if it is farther from the reference of its rig;

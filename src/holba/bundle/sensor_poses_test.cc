@@ -339,6 +339,56 @@ TEST_F(SensorGauge, IsThatOfTheFirstFrameWhereASensorWithABaselineIsHeld) {
   ExpectGauge(model_, options_, 6);
 }
 
+TEST_F(SensorGauge, HoldsASensorInThePlaceOfAReferenceThatSeesNothing) {
+  MakeRigs(4, 3, 1.0);
+  TakeObservations(1, 0);
+  const BundleSelection selection = Select();
+  ASSERT_EQ(selection.held_sensors.size(), 1u);
+  EXPECT_EQ(selection.held_sensors[0].why, HeldSensor::Why::kStandsForReference);
+  EXPECT_EQ(selection.sensors.size(), 1u);
+  EXPECT_NE(selection.gauge.scale_held, 0u);
+  ExpectGauge(model_, options_, 7);
+}
+
+// Where the rig puts a reference that sees nothing is a convention: a far one is neither the way of
+// the frames nor a baseline.
+TEST_F(SensorGauge, DoesNotDependOnThePlaceOfAReferenceThatSeesNothing) {
+  for (const double step : {1.0, 0.05}) {
+    MakeRigs(4, 3, step);
+    TakeObservations(1, 0);
+    const FixedGauge before = Select().gauge;
+    EXPECT_EQ(before.scale_rig == kInvalidId32, step == 1.0);
+    const Rigid3d moved_from_rig(ExpRotation({0.2, -0.1, 0.3}), {1, 50, -3});
+    for (auto& [id, rig] : model_.rigs) {
+      for (Rig::Sensor& sensor : rig.sensors)
+        sensor.sensor_from_rig = *sensor.sensor_from_rig * moved_from_rig.Inverse();
+    }
+    std::vector<frame_t> frames;
+    for (const auto& [id, frame] : model_.frames) frames.push_back(id);
+    for (const frame_t id : frames)
+      model_.SetFramePose(id, moved_from_rig * model_.frames.at(id).rig_from_world);
+    const FixedGauge gauge = Select().gauge;
+    EXPECT_EQ(gauge.scale_frame, before.scale_frame);
+    EXPECT_EQ(gauge.scale_rig, before.scale_rig);
+    EXPECT_EQ(gauge.scale_camera, before.scale_camera);
+    ExpectGauge(model_, options_, 7);
+  }
+}
+
+TEST_F(SensorGauge, HasNoScaleOfSensorsThatSeeNothing) {
+  for (const bool refine : {true, false}) {
+    options_.refine_sensor_from_rig = refine;
+    MakeRigs(4, 2, 1.0);
+    TakeObservations(101, 0);
+    EXPECT_TRUE(Select().sensors.empty());
+    EXPECT_TRUE(Select().held_sensors.empty());
+    ExpectGauge(model_, options_, 7);
+    MakeRigs(4, 3, 1.0);
+    TakeObservations(101, 0);
+    ExpectGauge(model_, options_, refine ? 7 : 6);
+  }
+}
+
 TEST_F(SensorGauge, HoldsASensorThatIsAloneInItsFrames) {
   MakeRigs(4, 2, 1.0);
   // The reference in the first two frames, the other camera in the last two.
@@ -353,6 +403,8 @@ TEST_F(SensorGauge, HoldsASensorThatIsAloneInItsFrames) {
   EXPECT_TRUE(selection.sensors.empty());
   ASSERT_EQ(selection.held_sensors.size(), 1u);
   EXPECT_EQ(selection.held_sensors[0].num_observations, 0u);
+  // No frame has a baseline that images see.
+  ExpectGauge(model_, options_, 7);
 }
 
 TEST_F(SensorGauge, HasOneScaleForPartsThatShareTheRig) {
