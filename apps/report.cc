@@ -104,6 +104,9 @@ json SummaryToJson(const BundleSummary& summary) {
   json held_intrinsics = json::array();
   for (const HeldIntrinsics& held : summary.held_intrinsics)
     held_intrinsics.push_back(held.camera_id);
+  json held_sensors = json::array();
+  for (const HeldSensor& held : summary.held_sensors)
+    held_sensors.push_back({{"rig", held.rig_id}, {"camera", held.camera_id}});
   return {{"backend", s.backend},
           {"linear_solver", s.linear_solver},
           {"num_threads", s.num_threads},
@@ -120,6 +123,8 @@ json SummaryToJson(const BundleSummary& summary) {
           {"points_seen_once", summary.points_seen_once},
           {"lines_seen_once", summary.lines_seen_once},
           {"cameras_with_held_intrinsics", held_intrinsics},
+          {"sensors", summary.num_sensors},
+          {"held_sensors", held_sensors},
           {"parts", summary.num_parts},
           {"angular_weight_factor", summary.angular_weight_factor},
           {"seconds",
@@ -174,6 +179,12 @@ std::string SummaryToText(const BundleSummary& summary) {
   if (summary.groups_dropped)
     text += fmt::format("left out {}\n", Counted(summary.groups_dropped, "group"));
   text += ChoiceToText(summary.weight_choice);
+  if (summary.num_sensors > 0) {
+    text +=
+        fmt::format("adjusted the {} of {} in {}\n", summary.num_sensors == 1 ? "pose" : "poses",
+                    Counted(summary.num_sensors, "sensor"),
+                    summary.num_sensors == 1 ? "its rig" : "their rigs");
+  }
   const bool has_angular = std::any_of(s.final_terms.begin(), s.final_terms.end(),
                                        [](const TermCost& t) { return t.angular; });
   if (has_angular && summary.angular_weight_factor != 1.0) {
@@ -215,6 +226,20 @@ void WarnOfWhatWasHeld(const BundleSummary& summary) {
         "The intrinsics of camera {} stay as they are, as {} cannot determine them; let images "
         "share a camera, or triangulate more points",
         held.camera_id, Counted(held.num_observations, "observation"));
+  }
+  for (const HeldSensor& held : summary.held_sensors) {
+    if (held.why == HeldSensor::Why::kStandsForReference) {
+      LogWarning(
+          "The pose of camera {} in rig {} stays as it is: the reference sensor of the rig sees "
+          "too "
+          "little to say where the rig is, and this camera stands in for it",
+          held.camera_id, held.rig_id);
+    } else {
+      LogWarning(
+          "The pose of camera {} in rig {} stays as it is: {} observations in frames whose place "
+          "others tell are too few to estimate it",
+          held.camera_id, held.rig_id, held.num_observations);
+    }
   }
   if (summary.num_parts > 1) {
     LogWarning(

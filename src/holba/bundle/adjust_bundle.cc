@@ -65,6 +65,7 @@ class Adjuster {
 
   BundleSummary Run() {
     summary_.held_intrinsics = selection_.HoldUncertainIntrinsics(model_, options_);
+    summary_.held_sensors = selection_.held_sensors;
     const Followers followers(model_, selection_.points_seen_once, selection_.lines_seen_once);
     const std::vector<double> start = Build().problem.state();
     const bool chooses = HasChoice();
@@ -182,8 +183,15 @@ class Adjuster {
     scales_.Weigh(choice.weights.structure);
     Solve(solver_options_, &bundle.problem);
     WriteBack(bundle, &model_);
+    CountSensors(bundle);
     scales_.Weigh({});
     scales_.Leave();
+  }
+
+  // In the problem that moves the cameras; none moves in one that holds them.
+  void CountSensors(const BundleProblem& bundle) {
+    for (const auto& [sensor, block] : bundle.sensors)
+      summary_.num_sensors += bundle.problem.block(block).IsVariable();
   }
 
   void Summarise(const std::vector<double>& start, BundleProblem* bundle) {
@@ -193,6 +201,7 @@ class Adjuster {
     summary_.auto_sigmas = scales_.sigmas();
     summary_.angular_weight_factor = scales_.AngularFactor();
     summary_.num_parts = 1 + selection_.gauges_of_other_parts.size();
+    CountSensors(*bundle);
     summary_.points_seen_once = selection_.points_seen_once.size();
     summary_.lines_seen_once = selection_.lines_seen_once.size();
     summary_.structure_point_weight_factor = scales_.StructurePointFactor();

@@ -38,6 +38,8 @@ struct BundleSummary {
   // Points and lines that fewer than two images see: they took no part and followed their images.
   size_t points_seen_once = 0, lines_seen_once = 0;
   std::vector<HeldIntrinsics> held_intrinsics;
+  size_t num_sensors = 0;  // whose poses in their rigs were adjusted
+  std::vector<HeldSensor> held_sensors;
   size_t num_parts = 1;  // that share no point, line or group
   // On the weights of terms in angles: the variance of the measured noise in pixels.
   double angular_weight_factor = 1.0;

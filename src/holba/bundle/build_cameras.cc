@@ -15,15 +15,14 @@ void ProblemBuilder::AddPosesAndCameras() {
   for (const auto& frame : selection_.frames) frame_idx.Add(frame.id);
   for (const auto& camera : selection_.cameras) camera_idx.Add(camera.id);
   FlatIndex pose_idx(selection_.frames.size()), intrinsics_idx(selection_.cameras.size());
+  for (const SelectedSensor& sensor : selection_.sensors)
+    variable_sensor_idx_.Add(SensorKey(sensor.rig_id, sensor.camera_id));
+  sensor_blocks_.assign(selection_.sensors.size(), kNoBlock);
   for (const auto& [image_id, image] : images) {
     const Frame& frame = model_.frames.at(image->frame_id);
     const auto [pose, new_pose] = pose_idx.Add(image->frame_id);
     if (new_pose) {
-      const Eigen::Quaterniond q = frame.rig_from_world.rotation.normalized();
-      const Eigen::Vector3d& t = frame.rig_from_world.translation;
-      const double values[7] = {q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()};
-      const BlockId block =
-          problem_.AddBlock("pose", OpsOf<PoseManifold>(), BlockRole::kPose, values);
+      const BlockId block = AddPoseBlock("pose", BlockRole::kPose, frame.rig_from_world);
       problem_.block(block).constant = selection_.frames[frame_idx.Find(image->frame_id)].constant;
       out_.poses.emplace_back(image->frame_id, block);
     }
@@ -38,13 +37,36 @@ void ProblemBuilder::AddPosesAndCameras() {
       out_.cameras.emplace_back(image->camera_id, block);
     }
     const BlockId camera_block = out_.cameras[intrinsics].second;
+    const BlockId sensor_block = AddSensorBlock(frame, *image);
     image_idx_.Add(image_id);
-    images_.push_back({image_id, out_.poses[pose].second, camera_block,
-                       AddSensorPose(frame, *image), camera.model, camera.params.data(),
+    images_.push_back({image_id, out_.poses[pose].second, camera_block, sensor_block,
+                       sensor_block == kNoBlock ? AddSensorPose(frame, *image) : nullptr,
+                       camera.model, camera.params.data(),
                        !camera.model->is_pinhole && problem_.block(camera_block).FreeTangent() > 0,
                        image});
   }
   HoldGauge();
+}
+
+BlockId ProblemBuilder::AddPoseBlock(std::string_view kind, BlockRole role, const Rigid3d& pose) {
+  const Eigen::Quaterniond q = pose.rotation.normalized();
+  const Eigen::Vector3d& t = pose.translation;
+  const double values[7] = {q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()};
+  return problem_.AddBlock(kind, OpsOf<PoseManifold>(), role, values);
+}
+
+// kNoBlock: the pose of the image's sensor is not among those that are adjusted.
+BlockId ProblemBuilder::AddSensorBlock(const Frame& frame, const Image& image) {
+  if (selection_.sensors.empty()) return kNoBlock;
+  const uint32_t idx = variable_sensor_idx_.Find(SensorKey(frame.rig_id, image.camera_id));
+  if (idx == FlatIndex::kNone) return kNoBlock;
+  BlockId& block = sensor_blocks_[idx];
+  if (block == kNoBlock) {
+    block = AddPoseBlock("sensor", BlockRole::kSensorPose, model_.SensorFromRig(image));
+    problem_.block(block).constant = selection_.sensors[idx].constant;
+    out_.sensors.push_back({{frame.rig_id, image.camera_id}, block});
+  }
+  return block;
 }
 
 // Null for the reference sensor of a rig.
@@ -52,8 +74,7 @@ const SensorPose* ProblemBuilder::AddSensorPose(const Frame& frame, const Image&
   const Rig& rig = model_.rigs.at(frame.rig_id);
   if (rig.ref_sensor && *rig.ref_sensor == SensorId{SensorType::kCamera, image.camera_id})
     return nullptr;
-  const auto [number, is_new] =
-      sensor_idx_.Add(uint64_t{frame.rig_id} << 32 | uint64_t{image.camera_id});
+  const auto [number, is_new] = sensor_idx_.Add(SensorKey(frame.rig_id, image.camera_id));
   if (is_new) {
     const Rigid3d& pose_in_rig = model_.SensorFromRig(image);
     out_.sensor_poses.push_back(std::make_unique<SensorPose>(
@@ -106,6 +127,12 @@ void ProblemBuilder::HoldGauge() {
   const auto hold_gauge = [&](const FixedGauge& gauge) {
     hold(gauge.origin_frame, gauge.origin_held);
     hold(gauge.scale_frame, gauge.scale_held);
+    for (const auto& [sensor, block_id] : out_.sensors) {
+      ParameterBlock& block = problem_.block(block_id);
+      if (sensor.rig_id == gauge.scale_rig && sensor.camera_id == gauge.scale_camera &&
+          !block.constant)
+        block.held |= gauge.scale_held;
+    }
   };
   hold_gauge(selection_.gauge);
   for (const FixedGauge& gauge : selection_.gauges_of_other_parts) hold_gauge(gauge);

@@ -11,6 +11,7 @@ void ProblemBuilder::AddPoints() {
   const size_t num_points = selection_.points.size();
   problem_.Reserve(problem_.num_blocks() + num_points, problem_.state().size() + 3 * num_points);
   out_.points.reserve(num_points);
+  BatchOfImages<PointResidual> with_sensors(this);
   const bool one_model = std::all_of(images_.begin(), images_.end(), [&](const auto& image) {
     return image.model == images_.front().model;
   });
@@ -34,16 +35,27 @@ void ProblemBuilder::AddPoints() {
       points_.push_back({block, &point});
     }
     ForEachObservation(point.track, [&](ImageBlocks& image, const PointObservation& observation) {
+      const std::string_view term = of_structure ? "structure_point" : "point";
+      const auto of_image = [&] {
+        return BatchOfKernel<PointResidual>{
+            term, {3, 6, image.model->num_params}, {image.model->id, -1, 0}, {image.model}};
+      };
+      const std::array blocks{block, image.pose, image.camera};
+      const PointResidual::Datum datum{image.image->points2D[observation.point2D_idx].xy,
+                                       image.sensor};
+      if (image.sensor_block != kNoBlock) {
+        with_sensors.Add(image, blocks, datum, of_image);
+        return;
+      }
       auto*& batch = of_structure ? image.structure_points : image.points;
       if (batch == nullptr) {
-        batch = &BatchOf<PointResidual>(of_structure ? "structure_point" : "point",
-                                        {3, 6, image.model->num_params}, {image.model->id, -1, 0},
-                                        [&] { return PointResidual{image.model}; });
+        const BatchOfKernel<PointResidual> made = of_image();
+        batch = &BatchOf<PointResidual>(made.term, made.tangents, made.key,
+                                        [&] { return made.kernel; });
         if (one_model && !of_structure && batch->size() == 0)
           batch->Reserve(NumPointObservations());
       }
-      batch->Add(std::array{block, image.pose, image.camera},
-                 {image.image->points2D[observation.point2D_idx].xy, image.sensor});
+      batch->Add(blocks, datum);
     });
   }
 }
@@ -77,7 +89,7 @@ void ProblemBuilder::AddLines() {
   }
   line_idx_ = FlatIndex(selection_.lines.size());
   lines_.reserve(selection_.lines.size());
-  BatchOfImages<LineResidual> batches;
+  BatchOfImages<LineResidual> batches(this);
   for (const auto& selected : selection_.lines) {
     const Line3D& line = model_.lines3D.at(selected.id);
     if (!TakesPart(selected.constant, line.track)) continue;
@@ -94,13 +106,12 @@ void ProblemBuilder::AddLines() {
     lines_.push_back({block, &line});
     out_.lines.emplace_back(selected.id, block);
     ForEachObservation(line.track, [&](const ImageBlocks& image, const LineObservation& o) {
-      auto& batch = batches.Of(image, [&]() -> auto& {
-        return BatchOf<LineResidual>("line", {4, 6, image.model->num_params},
-                                     {image.model->id, -1, image.observations_move}, [&] {
-                                       return LineResidual{{image.model, image.observations_move}};
-                                     });
+      batches.Add(image, std::array{block, image.pose, image.camera}, DatumOf(image, o), [&] {
+        return BatchOfKernel<LineResidual>{"line",
+                                           {4, 6, image.model->num_params},
+                                           {image.model->id, -1, image.observations_move},
+                                           {{image.model, image.observations_move}}};
       });
-      batch.Add(std::array{block, image.pose, image.camera}, DatumOf(image, o));
     });
   }
 }

@@ -64,16 +64,16 @@ void ProblemBuilder::AddGroupPoint(const GroupType& type, BlockId group,
     batch.Add(std::array{point.block, group}, {});
     return;
   }
-  BatchOfImages<GroupPointResidual> batches;
+  BatchOfImages<GroupPointResidual> batches(this);
   ForEachObservation(point.record->track, [&](const ImageBlocks& image, const PointObservation&) {
-    auto& batch = batches.Of(image, [&]() -> auto& {
-      return BatchOf<GroupPointResidual>(
-          "group_point", {3, 6, image.model->num_params, type.manifold->tangent},
-          {image.model->id, type.code, 0}, [&] {
-            return GroupPointResidual{image.model, &type};
-          });
-    });
-    batch.Add(std::array{point.block, image.pose, image.camera, group}, {image.sensor});
+    batches.Add(image, std::array{point.block, image.pose, image.camera, group}, {image.sensor},
+                [&] {
+                  return BatchOfKernel<GroupPointResidual>{
+                      "group_point",
+                      {3, 6, image.model->num_params, type.manifold->tangent},
+                      {image.model->id, type.code, 0},
+                      {image.model, &type}};
+                });
   });
 }
 
@@ -97,16 +97,16 @@ void ProblemBuilder::AddGroupLine(const GroupType& type, BlockId group,
               {{d.dot(line.record->start - p), d.dot(line.record->end - p)}});
     return;
   }
-  BatchOfImages<GroupLineResidual> batches;
+  BatchOfImages<GroupLineResidual> batches(this);
   ForEachObservation(line.record->track, [&](const ImageBlocks& image, const LineObservation& o) {
-    auto& batch = batches.Of(image, [&]() -> auto& {
-      return BatchOf<GroupLineResidual>(
-          "group_line", {4, 6, image.model->num_params, type.manifold->tangent},
-          {image.model->id, type.code, image.observations_move}, [&] {
-            return GroupLineResidual{{image.model, image.observations_move}, &type};
-          });
-    });
-    batch.Add(std::array{line.block, image.pose, image.camera, group}, DatumOf(image, o));
+    batches.Add(image, std::array{line.block, image.pose, image.camera, group}, DatumOf(image, o),
+                [&] {
+                  return BatchOfKernel<GroupLineResidual>{
+                      "group_line",
+                      {4, 6, image.model->num_params, type.manifold->tangent},
+                      {image.model->id, type.code, image.observations_move},
+                      {{image.model, image.observations_move}, &type}};
+                });
   });
 }
 
@@ -140,12 +140,13 @@ void ProblemBuilder::AddMeasurements(std::span<const GroupMeasurement> measureme
     const uint32_t group = group_idx_.Find(measurement.group3D_id);
     if (image == nullptr || group == FlatIndex::kNone) continue;
     const GroupType* type = groups_[group].record->type;
-    auto& batch = BatchOf<GroupMeasurementResidual>(
-        "group_measurement", {type->manifold->tangent, 6}, {-1, type->code, 0},
-        [&] { return GroupMeasurementResidual{type}; });
-    batch.Add(std::array{groups_[group].block, image->pose},
-              {measurement.direction_in_cam.normalized(), DegToRad(measurement.sigma_deg),
-               image->sensor});
+    BatchOfImages<GroupMeasurementResidual>(this).Add(
+        *image, std::array{groups_[group].block, image->pose},
+        {measurement.direction_in_cam.normalized(), DegToRad(measurement.sigma_deg), image->sensor},
+        [&] {
+          return BatchOfKernel<GroupMeasurementResidual>{
+              "group_measurement", {type->manifold->tangent, 6}, {-1, type->code, 0}, {type}};
+        });
   }
 }
 

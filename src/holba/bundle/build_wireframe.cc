@@ -43,31 +43,30 @@ void ProblemBuilder::AddEdge3d(const Feature<Point3D>& point, const Feature<Line
 void ProblemBuilder::AddEdge2d(const Feature<Point3D>& point, const Feature<Line3D>& line) {
   const auto& point_track = point.record->track;
   const auto& line_track = line.record->track;
-  BatchOfImages<WireframePointResidual> point_batches;
+  BatchOfImages<WireframePointResidual> point_batches(this);
   ForEachObservation(line_track, [&](const ImageBlocks& image, const LineObservation& o) {
     if (Observes(point_track, o.image_id)) return;
-    auto& batch = point_batches.Of(image, [&]() -> auto& {
-      return BatchOf<WireframePointResidual>(
-          "wireframe_point", {3, 6, image.model->num_params},
-          {image.model->id, -1, image.observations_move}, [&] {
-            return WireframePointResidual{{image.model, image.observations_move}};
-          });
-    });
-    batch.Add(std::array{point.block, image.pose, image.camera}, DatumOf(image, o));
+    point_batches.Add(image, std::array{point.block, image.pose, image.camera}, DatumOf(image, o),
+                      [&] {
+                        return BatchOfKernel<WireframePointResidual>{
+                            "wireframe_point",
+                            {3, 6, image.model->num_params},
+                            {image.model->id, -1, image.observations_move},
+                            {{image.model, image.observations_move}}};
+                      });
   });
-  BatchOfImages<WireframeLineResidual> line_batches;
+  BatchOfImages<WireframeLineResidual> line_batches(this);
   ForEachObservation(point_track, [&](const ImageBlocks& image, const PointObservation& o) {
     if (Observes(line_track, o.image_id)) return;
-    auto& batch = line_batches.Of(image, [&]() -> auto& {
-      return BatchOf<WireframeLineResidual>(
-          "wireframe_line", {4, 6, image.model->num_params},
-          {image.model->id, -1, image.observations_move}, [&] {
-            return WireframeLineResidual{{image.model, image.observations_move}};
-          });
-    });
     const Eigen::Vector2d& xy = image.image->points2D[o.point2D_idx].xy;
-    batch.Add(std::array{line.block, image.pose, image.camera},
-              {IdealObservation(*image.model, image.params, xy), image.sensor});
+    line_batches.Add(image, std::array{line.block, image.pose, image.camera},
+                     {IdealObservation(*image.model, image.params, xy), image.sensor}, [&] {
+                       return BatchOfKernel<WireframeLineResidual>{
+                           "wireframe_line",
+                           {4, 6, image.model->num_params},
+                           {image.model->id, -1, image.observations_move},
+                           {{image.model, image.observations_move}}};
+                     });
   });
 }
 

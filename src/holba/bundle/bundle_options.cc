@@ -119,7 +119,15 @@ void BundleOptions::Describe(OptionTable* table) const {
       ->Field("refine_extra_params", &refine_extra_params,
               "Whether distortion parameters are adjusted.")
       .Basic();
-  table->Field("fix_poses", &fix_poses, "Whether camera poses are held.").Basic();
+  table
+      ->Field("refine_sensor_from_rig", &refine_sensor_from_rig,
+              "Whether poses of sensors in their rig are adjusted, the reference sensor's "
+              "excepted; one that sees too little stays, and all do where poses are held.")
+      .Basic();
+  table
+      ->Field("fix_poses", &fix_poses,
+              "Whether camera poses are held, those of sensors in their rigs included.")
+      .Basic();
   table->Field("fix_points", &fix_points, "Whether points are held.");
   table->Field("fix_lines", &fix_lines, "Whether lines are held.");
   table->Field("fix_groups", &fix_groups,

@@ -117,6 +117,8 @@ struct BundleOptions {
   double principal_point_sigma = 0.0;
   std::map<camera_t, Eigen::Vector2d> known_principal_points_px;
   bool refine_extra_params = true;
+  // Poses of the sensors of a rig in it (but of the reference), where poses are not held.
+  bool refine_sensor_from_rig = true;
   bool fix_poses = false;
   bool fix_points = false;
   bool fix_lines = false;

@@ -18,6 +18,11 @@
 
 namespace holba {
 
+struct SensorOfRig {
+  rig_t rig_id;
+  camera_t camera_id;
+};
+
 struct BundleProblem {
   Problem problem;
   // Which block holds what.
@@ -27,7 +32,9 @@ struct BundleProblem {
   size_t num_points_of_structure = 0;  // among the points (IsOfStructure)
   std::vector<std::pair<line3D_t, BlockId>> lines;
   std::vector<std::pair<group3D_t, BlockId>> groups;
-  // Sensor poses that residuals point to.
+  // Poses of sensors in their rigs that are adjusted.
+  std::vector<std::pair<SensorOfRig, BlockId>> sensors;
+  // Those that are held: residuals point to them.
   std::vector<std::unique_ptr<SensorPose>> sensor_poses;
 };
 
@@ -46,7 +53,8 @@ BundleProblem BuildProblem(const Reconstruction& model, const BundleOptions& opt
                            std::span<const GroupMeasurement> measurements = {},
                            const AssociationFilter* filter = nullptr);
 
-// Values of all variable blocks into the model; what was constant keeps its bits. End points of
+// Values of all variable blocks into the model; what was constant keeps its bits. With the pose of
+// a sensor all frames of its rig move their images, also those that took no part. End points of
 // lines are carried along to the new lines.
 void WriteBack(const BundleProblem& bundle, Reconstruction* model);
 

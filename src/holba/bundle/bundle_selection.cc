@@ -69,6 +69,7 @@ class AroundSelector {
     AddFeatures(&lines, options_.fix_lines, &result_.lines);
     if (options_.config >= BundleConfig::kGroups) AddGroups();
     if (options_.config >= BundleConfig::kHolistic) AddWireframe();
+    if (!around_.hold_cameras) SelectSensors(model_, options_, &result_);
     result_.SetGauges(ChooseGaugesOfParts(model_, options_, result_));
     return std::move(result_);
   }
@@ -222,6 +223,7 @@ BundleSelection EverythingWithoutGauge(const Reconstruction& model, const Bundle
 BundleSelection BundleSelection::Everything(const Reconstruction& model,
                                             const BundleOptions& options) {
   BundleSelection all = EverythingWithoutGauge(model, options);
+  SelectSensors(model, options, &all);
   all.SetGauges(ChooseGaugesOfParts(model, options, all));
   return all;
 }
@@ -249,6 +251,7 @@ BundleSelection BundleSelection::OfFeatures(const Reconstruction& model,
   });
   std::erase_if(part.points_seen_once, [&](const auto& point) { return !keep_point(point.id); });
   std::erase_if(part.lines_seen_once, [&](const auto& line) { return !keep_line(line.id); });
+  SelectSensors(model, options, &part);
   part.SetGauges(ChooseGaugesOfParts(model, options, part));
   return part;
 }
@@ -262,6 +265,7 @@ BundleSelection BundleSelection::Around(const Reconstruction& model, const Bundl
 void BundleSelection::HoldCameras() {
   for (auto& frame : frames) frame.constant = true;
   for (auto& camera : cameras) camera.constant = true;
+  for (auto& sensor : sensors) sensor.constant = true;
   SetGauges(std::vector<FixedGauge>(1));
 }
 

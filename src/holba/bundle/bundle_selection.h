@@ -12,6 +12,7 @@
 #include "holba/bundle/flat_index.h"
 #include "holba/bundle/followers.h"
 #include "holba/bundle/gauge.h"
+#include "holba/bundle/sensor_selection.h"
 #include "holba/scene/reconstruction.h"
 
 namespace holba {
@@ -41,7 +42,7 @@ struct HeldIntrinsics {
 struct AroundOptions {
   // Frames that see a selected point or line from outside of the list take part, held.
   bool surroundings = true;
-  // Intrinsics stay: other images have them, too.
+  // Intrinsics and poses of sensors in their rigs stay: other images have them, too.
   bool hold_cameras = true;
 };
 
@@ -53,6 +54,8 @@ struct AroundOptions {
 struct BundleSelection {
   std::vector<Selected<frame_t>> frames;    // with all their images
   std::vector<Selected<camera_t>> cameras;  // those of the images that are not here are held
+  std::vector<SelectedSensor> sensors;      // alike, of rigs and without their references
+  std::vector<HeldSensor> held_sensors;     // that are not among the sensors for want of sight
   std::vector<Selected<point3D_t>> points;
   std::vector<Selected<line3D_t>> lines;
   std::vector<SelectedGroup> groups;

@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "holba/bundle/bundle_options.h"
@@ -28,6 +29,10 @@ constexpr double kMinEigenvalueRatio = 1e-8;
 // Step of central differences, in the unit of length.
 constexpr double kStep = 1e-5;
 
+uint64_t KeyOf(const Reconstruction& model, const Image& image) {
+  return SensorKey(model.frames.at(image.frame_id).rig_id, image.camera_id);
+}
+
 struct SelectedView {
   Eigen::Vector3d centre;  // of the camera
   bool constant;
@@ -38,16 +43,29 @@ class Resistance {
  public:
   Resistance(const Reconstruction& model, const BundleOptions& options,
              const BundleSelection& selection,
-             const std::vector<std::pair<image_t, const Image*>>& images)
-      : model_(model), options_(options), selection_(selection), image_idx_(images.size()) {
+             const std::vector<std::pair<image_t, const Image*>>& images,
+             const FlatIndex& variable_sensors, bool scale_is_known)
+      : model_(model),
+        options_(options),
+        selection_(selection),
+        image_idx_(images.size()),
+        scale_is_known_(scale_is_known) {
     FlatIndex frame_idx(selection.frames.size());
     for (const auto& frame : selection.frames) frame_idx.Add(frame.id);
-    for (const auto& [id, image] : images) {
-      image_idx_.Add(id);
-      const bool constant = selection.frames[frame_idx.Find(image->frame_id)].constant;
+    for (const auto& [id, image] : images) image_idx_.Add(id);
+    const std::vector<char> sees = ImagesThatSee();
+    std::vector<std::optional<Eigen::Vector3d>> held_centre(selection.frames.size());  // in its rig
+    for (size_t i = 0; i < images.size(); ++i) {
+      const Image* image = images[i].second;
+      const uint32_t frame = frame_idx.Find(image->frame_id);
+      const bool constant = selection.frames[frame].constant;
       views_.push_back({image->cam_from_world.OriginInA(), constant});
       centre_ += views_.back().centre;
-      has_baseline_ |= !constant && model.SensorFromRig(*image).translation.norm() > 0.0;
+      if (!constant && sees[i] && !variable_sensors.contains(KeyOf(model, *image))) {
+        const Eigen::Vector3d centre = model.SensorFromRig(*image).OriginInA();
+        scale_is_known_ |= held_centre[frame] && (centre - *held_centre[frame]).norm() > 0.0;
+        held_centre[frame] = centre;
+      }
       any_frame_held_ |= constant;
     }
     centre_ /= static_cast<double>(std::max<size_t>(views_.size(), 1));
@@ -61,7 +79,7 @@ class Resistance {
   // Similarities that nothing resists, as columns. First what frames, baselines and points resist,
   // then, where that leaves something, lines and groups.
   Eigen::MatrixXd FreeWithoutStructure() {
-    if (has_baseline_) Add(RowVector7::Unit(6));
+    if (scale_is_known_) Add(RowVector7::Unit(6));
     const auto held = [](const auto& element) { return element.constant; };
     const bool any_point_held =
         std::any_of(selection_.points.begin(), selection_.points.end(), held);
@@ -83,6 +101,33 @@ class Resistance {
   }
 
  private:
+  // By the numbers of the images. One that sees nothing of the selection has no residual: its
+  // place in the rig fixes nothing. Not looked at where no frame has a baseline.
+  std::vector<char> ImagesThatSee() const {
+    const size_t num_images = image_idx_.size();
+    const bool any_baseline =
+        std::any_of(selection_.frames.begin(), selection_.frames.end(),
+                    [&](const auto& frame) { return model_.frames.at(frame.id).data.size() > 1; });
+    if (!any_baseline) return std::vector<char>(num_images, 1);
+    std::vector<char> sees(num_images, 0);
+    size_t num_blind = num_images;
+    const auto look = [&](const auto& track) {
+      for (const auto& observation : track) {
+        const uint32_t idx = image_idx_.Find(observation.image_id);
+        if (idx == FlatIndex::kNone || sees[idx]) continue;
+        sees[idx] = 1;
+        --num_blind;
+      }
+    };
+    for (const auto& point : selection_.points) {
+      if (num_blind == 0) return sees;
+      look(model_.points3D.at(point.id).track);
+    }
+    if (options_.config < BundleConfig::kPointLine) return sees;
+    for (const auto& line : selection_.lines) look(model_.lines3D.at(line.id).track);
+    return sees;
+  }
+
   Motion MotionOf(const Eigen::Vector3d& X) const {
     const Eigen::Vector3d Y = (X - centre_) / unit_;
     Motion motion;
@@ -242,7 +287,7 @@ class Resistance {
   const BundleSelection& selection_;
   FlatIndex image_idx_;
   std::vector<SelectedView> views_;
-  bool has_baseline_ = false, any_frame_held_ = false;
+  bool scale_is_known_ = false, any_frame_held_ = false;
   Eigen::Vector3d centre_ = Eigen::Vector3d::Zero();
   double unit_ = 0.0;
   Matrix7 sum_ = Matrix7::Zero();
@@ -255,14 +300,44 @@ Eigen::Matrix<double, 3, 7> RotationMotion(const Rigid3d& pose) {
   motion.leftCols<3>() = -pose.RotationMatrix();
   return motion;
 }
-// t = -R c, where the centre c moves like a point; once no similarity that is free rotates.
-Eigen::Matrix<double, 3, 7> TranslationMotion(const Rigid3d& pose, const Eigen::Vector3d& centre,
-                                              double unit) {
+// t = -R c, where the place c moves like a point; once no similarity that is free rotates.
+Eigen::Matrix<double, 3, 7> TranslationMotion(const Rigid3d& pose, const Eigen::Vector3d& place,
+                                              const Eigen::Vector3d& centre, double unit) {
   const Eigen::Matrix3d R = pose.RotationMatrix();
   Eigen::Matrix<double, 3, 7> motion = Eigen::Matrix<double, 3, 7>::Zero();
   motion.block<3, 3>(0, 3) = -R;
-  motion.rightCols<1>() = -R * (pose.OriginInA() - centre) / unit;
+  motion.rightCols<1>() = -R * (place - centre) / unit;
   return motion;
+}
+
+// The sensor that is held in the place of a rig's reference; null: none, the reference is.
+const Rig::Sensor* StandIn(const Reconstruction& model, const BundleSelection& selection,
+                           rig_t rig_id) {
+  for (const HeldSensor& held : selection.held_sensors) {
+    if (held.rig_id != rig_id || held.why != HeldSensor::Why::kStandsForReference) continue;
+    for (const Rig::Sensor& sensor : model.rigs.at(rig_id).sensors) {
+      if (sensor.id == SensorId{SensorType::kCamera, held.camera_id}) return &sensor;
+    }
+  }
+  return nullptr;
+}
+
+// Where the sensor of a frame is that is held in the rig. Under a similarity of all cameras and
+// features, the translation of the frame's pose follows this place.
+Eigen::Vector3d PlaceOf(const Reconstruction& model, const BundleSelection& selection,
+                        const Frame& frame) {
+  const Rig::Sensor* stand_in = StandIn(model, selection, frame.rig_id);
+  if (stand_in == nullptr) return frame.rig_from_world.OriginInA();
+  return (*stand_in->sensor_from_rig * frame.rig_from_world).OriginInA();
+}
+
+// How an adjusted sensor's translation in its rig grows with the scale.
+Eigen::Vector3d BaselineOf(const Reconstruction& model, const BundleSelection& selection,
+                           const Image& image) {
+  const Rigid3d& sensor_from_rig = model.SensorFromRig(image);
+  const Rig::Sensor* stand_in = StandIn(model, selection, model.frames.at(image.frame_id).rig_id);
+  if (stand_in == nullptr) return sensor_from_rig.translation;
+  return sensor_from_rig * stand_in->sensor_from_rig->OriginInA();
 }
 
 // Takes the coordinates of `rows` (their derivatives by what is free) that determine most, one
@@ -291,11 +366,15 @@ uint32_t HoldCoordinates(Eigen::MatrixXd rows, int first_coordinate, Eigen::Matr
 }  // namespace
 
 FixedGauge ChooseGauge(const Reconstruction& model, const BundleOptions& options,
-                       const BundleSelection& selection) {
+                       const BundleSelection& selection, bool scale_is_known) {
   FixedGauge gauge;
   if (options.gauge == Gauge::kFree || !selection.HasVariableFrame()) return gauge;
   const auto images = ImagesOf(model, selection);
-  Resistance resistance(model, options, selection, images);
+  FlatIndex variable_sensors(selection.sensors.size());
+  for (const SelectedSensor& sensor : selection.sensors) {
+    if (!sensor.constant) variable_sensors.Add(SensorKey(sensor.rig_id, sensor.camera_id));
+  }
+  Resistance resistance(model, options, selection, images, variable_sensors, scale_is_known);
   Eigen::MatrixXd free = resistance.FreeWithoutStructure();
   if (free.cols() > 0) {
     const Eigen::Index without_structure = free.cols();
@@ -313,34 +392,58 @@ FixedGauge ChooseGauge(const Reconstruction& model, const BundleOptions& options
   int coordinate = 0;
   for (const auto& [image_id, image] : images) {
     if (!variable.contains(image->frame_id)) continue;
-    const Rigid3d& pose = model.frames.at(image->frame_id).rig_from_world;
+    const Frame& frame = model.frames.at(image->frame_id);
+    const Rigid3d& pose = frame.rig_from_world;
+    const Eigen::Vector3d place = PlaceOf(model, selection, frame);
     if (gauge.origin_frame == kInvalidId32) {
       gauge.origin_frame = image->frame_id;
-      origin = pose.OriginInA();
+      origin = place;
     }
     // Scaling the scene about the first camera moves this translation along R (c - origin).
-    const Eigen::Vector3d move = pose.RotationMatrix() * (pose.OriginInA() - origin);
+    const Eigen::Vector3d move = pose.RotationMatrix() * (place - origin);
     if (move.norm() <= farthest) continue;
     farthest = move.norm();
     gauge.scale_frame = image->frame_id;
     move.cwiseAbs().maxCoeff(&coordinate);
   }
   if (gauge.origin_frame == kInvalidId32) return gauge;
+  // Where frames are nearer to each other than sensors in their rig, as in a rig that stands still,
+  // the noise of their distance would become that of the scale.
+  Eigen::Vector3d baseline = Eigen::Vector3d::Zero();
+  for (const auto& [image_id, image] : images) {
+    if (!variable.contains(image->frame_id) || !variable_sensors.contains(KeyOf(model, *image)))
+      continue;
+    const Eigen::Vector3d of_sensor = BaselineOf(model, selection, *image);
+    if (of_sensor.norm() <= farthest) continue;
+    farthest = of_sensor.norm();
+    gauge.scale_frame = kInvalidId32;
+    gauge.scale_rig = model.frames.at(image->frame_id).rig_id;
+    gauge.scale_camera = image->camera_id;
+    baseline = of_sensor;
+    baseline.cwiseAbs().maxCoeff(&coordinate);
+  }
   if (free.cols() == 7) {
     gauge.origin_held = FixedGauge::kWholePose;
     if (farthest > 0.0) gauge.scale_held = uint32_t{1} << (3 + coordinate);
     return gauge;
   }
   const auto translation_of = [&](frame_t id) {
-    return TranslationMotion(model.frames.at(id).rig_from_world, resistance.centre(),
-                             resistance.unit());
+    const Frame& frame = model.frames.at(id);
+    return TranslationMotion(frame.rig_from_world, PlaceOf(model, selection, frame),
+                             resistance.centre(), resistance.unit());
   };
   gauge.origin_held =
       HoldCoordinates(RotationMotion(model.frames.at(gauge.origin_frame).rig_from_world), 0, &free);
   gauge.origin_held |= HoldCoordinates(translation_of(gauge.origin_frame), 3, &free);
-  if (gauge.scale_frame == kInvalidId32) return gauge;
-  gauge.scale_held = HoldCoordinates(translation_of(gauge.scale_frame), 3, &free);
-  if (gauge.scale_held == 0) gauge.scale_frame = kInvalidId32;
+  Eigen::Matrix<double, 3, 7> scale_motion = Eigen::Matrix<double, 3, 7>::Zero();
+  if (gauge.scale_frame != kInvalidId32) {
+    scale_motion = translation_of(gauge.scale_frame);
+  } else if (gauge.scale_rig != kInvalidId32) {
+    scale_motion.col(6) = baseline / resistance.unit();
+  }
+  gauge.scale_held = HoldCoordinates(scale_motion, 3, &free);
+  if (gauge.scale_held == 0)
+    gauge.scale_frame = gauge.scale_rig = gauge.scale_camera = kInvalidId32;
   return gauge;
 }
 

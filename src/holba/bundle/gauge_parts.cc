@@ -162,6 +162,20 @@ BundleSelection PartOf(const Reconstruction& model, const BundleSelection& selec
   return part;
 }
 
+std::vector<rig_t> RigsWithVariableSensors(const Reconstruction& model,
+                                           const BundleSelection& selection) {
+  std::vector<rig_t> rigs;
+  if (selection.sensors.empty()) return rigs;
+  FlatIndex of_frames;
+  for (const auto& frame : selection.frames) {
+    if (!frame.constant) of_frames.Add(model.frames.at(frame.id).rig_id);
+  }
+  for (const SelectedSensor& sensor : selection.sensors) {
+    if (!sensor.constant && of_frames.contains(sensor.rig_id)) rigs.push_back(sensor.rig_id);
+  }
+  return rigs;
+}
+
 }  // namespace
 
 std::vector<FixedGauge> ChooseGaugesOfParts(const Reconstruction& model,
@@ -173,8 +187,15 @@ std::vector<FixedGauge> ChooseGaugesOfParts(const Reconstruction& model,
   const std::vector<std::vector<uint32_t>> parts = finder.Find();
   if (parts.empty()) return {ChooseGauge(model, options, selection)};
   std::vector<FixedGauge> gauges;
-  for (const auto& part : parts)
-    gauges.push_back(ChooseGauge(model, options, PartOf(model, selection, part, finder)));
+  FlatIndex rigs_with_scale;  // whose sensors are adjusted, of the parts so far
+  for (const auto& frames : parts) {
+    const BundleSelection part = PartOf(model, selection, frames, finder);
+    const std::vector<rig_t> rigs = RigsWithVariableSensors(model, part);
+    const bool scale_is_known = std::any_of(
+        rigs.begin(), rigs.end(), [&](rig_t rig) { return rigs_with_scale.contains(rig); });
+    gauges.push_back(ChooseGauge(model, options, part, scale_is_known));
+    for (const rig_t rig : rigs) rigs_with_scale.Add(rig);
+  }
   for (const FixedGauge& gauge : gauges) gauges.front().needs_structure |= gauge.needs_structure;
   return gauges;
 }

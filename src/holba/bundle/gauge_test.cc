@@ -196,6 +196,7 @@ TEST_F(GaugeTest, IsTheSameWhereverTheSceneLies) {
 
 TEST_F(GaugeTest, IsTheFirstFrameAloneWhereABaselineFixesTheScale) {
   const Reconstruction model = MakeBundleProblem({.num_images = 10, .rig_size = 2}).perturbed;
+  options_.refine_sensor_from_rig = false;
   const FixedGauge gauge = BundleSelection::Everything(model, options_).gauge;
   EXPECT_EQ(gauge.origin_frame, model.images.begin()->second.frame_id);
   EXPECT_EQ(gauge.origin_held, FixedGauge::kWholePose);

@@ -178,7 +178,7 @@ std::vector<std::string> DoubtsOf(const ReprojectionCheck& check, const Reconstr
 
 std::string WhyNothingIsLeft(const Reconstruction& model) {
   if (model.points3D.empty() && model.lines3D.empty()) {
-    return std::string("this model has no points and no lines to adjust; ") + kTriangulateFirst;
+    return fmt::format("this model has no points and no lines to adjust; {}", kTriangulateFirst);
   }
   const ReprojectionCheck check = CheckReprojections(model);
   if (check.num_observations > 0 && check.num_absent == check.num_observations) {

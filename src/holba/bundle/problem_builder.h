@@ -3,6 +3,8 @@
 // build_groups.cc and build_wireframe.cc hold them. Used by BuildProblem only.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <map>
@@ -19,6 +21,7 @@
 #include "holba/bundle/losses.h"
 #include "holba/residual/line.h"
 #include "holba/residual/point.h"
+#include "holba/residual/with_sensor_pose.h"
 
 namespace holba {
 
@@ -41,7 +44,8 @@ class ProblemBuilder {
   struct ImageBlocks {
     image_t image_id;
     BlockId pose, camera;
-    const SensorPose* sensor;
+    BlockId sensor_block;      // kNoBlock: the pose of its sensor is held
+    const SensorPose* sensor;  // null: the reference, or one with a block
     const CameraModel* model;
     const double* params;
     bool observations_move;
@@ -59,6 +63,8 @@ class ProblemBuilder {
 
   // build_cameras.cc
   void AddPosesAndCameras();
+  BlockId AddPoseBlock(std::string_view kind, BlockRole role, const Rigid3d& pose);
+  BlockId AddSensorBlock(const Frame& frame, const Image& image);
   const SensorPose* AddSensorPose(const Frame& frame, const Image& image);
   void HoldIntrinsics(const CameraModel& model, bool constant, ParameterBlock* block) const;
   void HoldGauge();
@@ -109,17 +115,19 @@ class ProblemBuilder {
     return constant || SeenInTwoImages(track, image_idx_);
   }
 
-  // One batch for each (term, camera model, group type, whether observations move), and each weight
-  // (weight_halvings_): its kernel is made on first use.
+  // One batch for each (term, camera model, group type, whether observations move), each weight
+  // (weight_halvings_) and whether the poses of sensors are blocks: its kernel is made on first
+  // use.
   template <typename Kernel, typename MakeKernel>
-  KernelBatch<Kernel>& BatchOf(std::string_view term, std::initializer_list<int> tangents,
-                               std::tuple<int, int, int> key, const MakeKernel& make) {
+  KernelBatch<Kernel>& BatchOf(std::string_view term, std::vector<int> tangents,
+                               std::tuple<int, int, int> key, const MakeKernel& make,
+                               bool with_sensor = false) {
     const TermFamily family = FamilyOf(term);
     std::unique_ptr<ResidualBatch>& batch =
-        batches_[{static_cast<int>(family), term, key, weight_halvings_}];
+        batches_[{static_cast<int>(family), term, key, weight_halvings_, with_sensor}];
     if (!batch) {
       auto made = std::make_unique<KernelBatch<Kernel>>(std::string(term), Kernel::kDim,
-                                                        std::vector<int>(tangents), make());
+                                                        std::move(tangents), make());
       made->loss = ToLoss(options_[family]);
       made->weight = std::ldexp(options_[family].weight, -weight_halvings_);
       made->angular = IsAngular(family);
@@ -127,22 +135,52 @@ class ProblemBuilder {
     }
     return static_cast<KernelBatch<Kernel>&>(*batch);
   }
-  // The batch of the last image serves the next one, too, if their cameras are of one model: most
-  // observations need no look-up.
+  // A batch of BatchOf.
+  template <typename Kernel>
+  struct BatchOfKernel {
+    std::string_view term;
+    std::vector<int> tangents;
+    std::tuple<int, int, int> key;
+    Kernel kernel;
+  };
+  // Adds residuals to the batches of their images. The batch of the last image serves the next one,
+  // too, if their cameras are of one model: most observations need no look-up.
   template <typename Kernel>
   class BatchOfImages {
    public:
-    template <typename Find>
-    KernelBatch<Kernel>& Of(const ImageBlocks& image, const Find& find) {
+    explicit BatchOfImages(ProblemBuilder* builder) : builder_(*builder) {}
+
+    // Blocks but that of the sensor; of(): the BatchOfKernel of the image.
+    template <size_t kNumSlots, typename Of>
+    void Add(const ImageBlocks& image, const std::array<BlockId, kNumSlots>& blocks,
+             const typename Kernel::Datum& datum, const Of& of) {
+      static_assert(kNumSlots == Kernel::kNumSlots);
+      if (image.sensor_block != kNoBlock) {
+        std::array<BlockId, kNumSlots + 1> with_sensor;
+        std::copy(blocks.begin(), blocks.end(), with_sensor.begin());
+        with_sensor[kNumSlots] = image.sensor_block;
+        WithSensor(of()).Add(with_sensor, datum);
+        return;
+      }
       if (batch_ == nullptr || image.model != model_ || image.observations_move != moves_) {
         model_ = image.model;
         moves_ = image.observations_move;
-        batch_ = &find();
+        const BatchOfKernel<Kernel> batch = of();
+        batch_ = &builder_.BatchOf<Kernel>(batch.term, batch.tangents, batch.key,
+                                           [&] { return batch.kernel; });
       }
-      return *batch_;
+      batch_->Add(blocks, datum);
     }
 
    private:
+    KernelBatch<WithSensorPose<Kernel>>& WithSensor(BatchOfKernel<Kernel> batch) {
+      batch.tangents.push_back(PoseManifold::kTangent);
+      return builder_.BatchOf<WithSensorPose<Kernel>>(
+          batch.term, batch.tangents, batch.key,
+          [&] { return WithSensorPose<Kernel>{batch.kernel}; }, true);
+    }
+
+    ProblemBuilder& builder_;
     const CameraModel* model_ = nullptr;
     bool moves_ = false;
     KernelBatch<Kernel>* batch_ = nullptr;
@@ -154,7 +192,8 @@ class ProblemBuilder {
         LossType::kTrivial;  // a loss scale in model units would be one more thing to tune
   }
 
-  using BatchKey = std::tuple<int, std::string_view, std::tuple<int, int, int>, int>;
+  static constexpr BlockId kNoBlock = ~BlockId{0};
+  using BatchKey = std::tuple<int, std::string_view, std::tuple<int, int, int>, int, bool>;
 
   const Reconstruction& model_;
   const BundleOptions& options_;
@@ -164,6 +203,8 @@ class ProblemBuilder {
   Problem& problem_;
   // By the numbers of the indices.
   FlatIndex image_idx_, point_idx_, line_idx_, group_idx_, sensor_idx_;
+  FlatIndex variable_sensor_idx_;       // of selection_.sensors
+  std::vector<BlockId> sensor_blocks_;  // by its numbers
   std::vector<ImageBlocks> images_;
   std::vector<Feature<Point3D>> points_;
   std::vector<Feature<Line3D>> lines_;

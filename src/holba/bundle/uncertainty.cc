@@ -73,6 +73,14 @@ bool AddCovariances(const Reconstruction& model, const Sim3d& world_from_local,
     const Matrix6d J = WorldPoseByLocal(world_from_local, model.frames.at(id).rig_from_world);
     result->poses.emplace(id, J * C * J.transpose());
   }
+  for (const auto& [id, block] : bundle.sensors) {
+    const Eigen::MatrixXd C = variance * covariance->Of(block);
+    if (!C.allFinite()) continue;
+    // The place of the origin has no say here.
+    Matrix6d J = Matrix6d::Identity();
+    J.bottomRightCorner<3, 3>() *= world_from_local.scale;
+    result->sensors.emplace(std::pair(id.rig_id, id.camera_id), J * C * J.transpose());
+  }
   for (const auto& [id, block] : bundle.points) {
     const Eigen::MatrixXd C = area * variance * covariance->Of(block);
     if (C.allFinite()) result->points.emplace(id, C);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
 #include <optional>
+#include <set>
 
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/reprojection.h"
@@ -13,6 +14,24 @@ bool Moves(const BundleProblem& bundle, BlockId id) {
 }
 
 Eigen::Vector3d VectorAt(const double* values) { return Eigen::Map<const Eigen::Vector3d>(values); }
+
+Rigid3d PoseAt(const double* v) {
+  return {Eigen::Quaterniond(v[3], v[0], v[1], v[2]), VectorAt(v + 4)};
+}
+
+// Returns the rigs whose sensors moved; the poses of their images have to follow.
+std::set<rig_t> WriteSensors(const BundleProblem& bundle, Reconstruction* model) {
+  std::set<rig_t> rigs;
+  for (const auto& [id, block] : bundle.sensors) {
+    if (!Moves(bundle, block)) continue;
+    for (Rig::Sensor& sensor : model->rigs.at(id.rig_id).sensors) {
+      if (sensor.id == SensorId{SensorType::kCamera, id.camera_id})
+        sensor.sensor_from_rig = PoseAt(bundle.problem.values(block));
+    }
+    rigs.insert(id.rig_id);
+  }
+  return rigs;
+}
 
 void UpdateError(const Reconstruction& model, Point3D* point) {
   double sum = 0.0;
@@ -43,10 +62,14 @@ void UpdateError(const Reconstruction& model, Line3D* line) {
 }  // namespace
 
 void WriteBack(const BundleProblem& bundle, Reconstruction* model) {
+  const std::set<rig_t> rigs = WriteSensors(bundle, model);
   for (const auto& [id, block] : bundle.poses) {
-    if (!Moves(bundle, block)) continue;
-    const double* v = bundle.problem.values(block);
-    model->SetFramePose(id, {Eigen::Quaterniond(v[3], v[0], v[1], v[2]), VectorAt(v + 4)});
+    if (Moves(bundle, block)) model->SetFramePose(id, PoseAt(bundle.problem.values(block)));
+  }
+  if (!rigs.empty()) {
+    for (const auto& [id, frame] : model->frames) {
+      if (rigs.contains(frame.rig_id)) model->SetFramePose(id, Rigid3d(frame.rig_from_world));
+    }
   }
   for (const auto& [id, block] : bundle.cameras) {
     if (!Moves(bundle, block)) continue;

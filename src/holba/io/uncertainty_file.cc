@@ -22,6 +22,7 @@ void FormatUncertainty(const ModelUncertainty& uncertainty, std::ostream* stream
   std::string text = fmt::format(
       "# Covariances (upper triangles, row by row); noise of an observed coordinate: {:.6g} px\n"
       "# POSE FRAME_ID C[21]: rotation vector w (rad, R' = exp(w) R), translation\n"
+      "# SENSOR RIG_ID CAMERA_ID C[21]: sensor_from_rig, alike\n"
       "# POINT POINT3D_ID C[6]: position\n"
       "# LINE LINE3D_ID C_START[6] C_END[6]: end points, held along the line\n"
       "# GROUP GROUP3D_ID NUM_PARAMS C[NUM_PARAMS (NUM_PARAMS + 1) / 2]: parameters of groups3D\n",
@@ -31,6 +32,11 @@ void FormatUncertainty(const ModelUncertainty& uncertainty, std::ostream* stream
     // difference of these.
     text += fmt::format("POSE {}", id);
     AppendUpperTriangle(C, &text, 17);
+    text += '\n';
+  }
+  for (const auto& [id, C] : uncertainty.sensors) {
+    text += fmt::format("SENSOR {} {}", id.first, id.second);
+    AppendUpperTriangle(C, &text);
     text += '\n';
   }
   for (const auto& [id, C] : uncertainty.points) {

@@ -24,6 +24,7 @@ enum class BlockRole : uint8_t {
   kPose,        // of a frame; poses come first in the reduced system
   kIntrinsics,  // of a camera; shares the place of its pose where each pose has its own
   kGroup,       // any other kept block: a group, or a line or point that is not eliminated
+  kSensorPose,  // of a sensor in its rig: all frames of the rig share it
 };
 constexpr bool IsKept(BlockRole role) { return role != BlockRole::kFeature; }
 

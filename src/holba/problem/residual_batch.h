@@ -17,7 +17,7 @@ namespace holba {
 
 using BlockId = uint32_t;
 
-inline constexpr int kMaxSlots = 4;
+inline constexpr int kMaxSlots = 5;
 inline constexpr int kMaxResidualDim = 6;
 inline constexpr int kMaxTangent = 16;
 
@@ -140,20 +140,20 @@ class KernelBatch final : public ResidualBatch {
     if constexpr (requires(const VectorWork& work) { kernel_.EvaluateVectorised(work); }) {
       if (range.count == 0) return;
       if (parameters.state() != nullptr && panel.stride % kPanelLanes == 0) {
-        const VectorWork work{
-            parameters.state(),
-            parameters.offsets(),
-            blocks().data(),
-            num_slots(),
-            data_.data(),
-            sizeof(Datum),
-            range.begin,
-            range.count,
-            range.list,
-            panel.stride,
-            panel.residuals,
-            {panel.jacobians[0], panel.jacobians[1], panel.jacobians[2], panel.jacobians[3]},
-            panel.present};
+        const VectorWork work{parameters.state(),
+                              parameters.offsets(),
+                              blocks().data(),
+                              num_slots(),
+                              data_.data(),
+                              sizeof(Datum),
+                              range.begin,
+                              range.count,
+                              range.list,
+                              panel.stride,
+                              panel.residuals,
+                              {panel.jacobians[0], panel.jacobians[1], panel.jacobians[2],
+                               panel.jacobians[3], panel.jacobians[4]},
+                              panel.present};
         if (kernel_.EvaluateVectorised(work)) return;
       }
     }

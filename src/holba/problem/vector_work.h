@@ -22,8 +22,12 @@ struct VectorWork {
 
   size_t stride;  // a multiple of kPanelLanes
   double* residuals;
-  double* jacobians[4];  // null: not wanted
+  double* jacobians[5];  // null: not wanted
   bool* present;
+
+  // Null, or the pose of each residual of the range (7 doubles, as in PoseManifold) that stands in
+  // for the block of slot 1.
+  const double* poses = nullptr;
 
   size_t residual(size_t j) const { return list != nullptr ? list[j] : begin + j; }
 };

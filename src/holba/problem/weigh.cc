@@ -6,6 +6,9 @@
 #include "holba/problem/weigh_vectorised.h"
 
 namespace holba {
+
+static_assert(kMaxWeighedSlots == kMaxSlots);
+
 namespace {
 
 // Panels that packs cannot read: ranges of one.

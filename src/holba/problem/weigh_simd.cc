@@ -64,7 +64,7 @@ void WeighWith(const WeighWork& work, bool multiply, double* cost, double* sum_s
     for (int k = 0; k < work.dim; ++k) {
       Multiply(factors, num, work.residuals + k * work.stride + begin);
     }
-    for (int slot = 0; slot < 4; ++slot) {
+    for (int slot = 0; slot < kMaxWeighedSlots; ++slot) {
       if (work.jacobians[slot] == nullptr) continue;
       for (int k = 0; k < work.entries[slot]; ++k) {
         Multiply(factors, num, work.jacobians[slot] + k * work.stride + begin);

@@ -16,10 +16,17 @@
 namespace holba {
 namespace {
 
-// Batches here are only their shape: residuals of 3, blocks of tangents 2 and 4.
+// Batches here are only their shape: residuals of 3, as many blocks as there may be, the first and
+// the last of tangents 2 and 4.
 class Shape final : public ResidualBatch {
  public:
-  Shape() : ResidualBatch("shape", 3, {2, 4}) {}
+  Shape() : ResidualBatch("shape", 3, Tangents()) {}
+  static std::vector<int> Tangents() {
+    std::vector<int> tangents(kMaxSlots, 1);
+    tangents.front() = 2;
+    tangents.back() = 4;
+    return tangents;
+  }
   void EvaluateRange(const ResidualRange&, const ParameterReader&,
                      const ResidualPanel&) const override {}
 };
@@ -46,7 +53,8 @@ struct Panel {
     }
     panel.stride = stride;
     panel.residuals = residuals.data();
-    panel.jacobians = {first.data(), second.data()};
+    panel.jacobians.front() = first.data();
+    panel.jacobians.back() = second.data();
     panel.present = present.get();
   }
 

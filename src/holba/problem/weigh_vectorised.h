@@ -9,6 +9,9 @@
 
 namespace holba {
 
+// As many as a residual has (kMaxSlots).
+inline constexpr int kMaxWeighedSlots = 5;
+
 struct WeighWork {
   LossType loss;
   double scale;
@@ -17,8 +20,8 @@ struct WeighWork {
   double* residuals;
   int dim;
   // Jacobians and their numbers of entries (rows times columns); null: absent.
-  double* jacobians[4];
-  int entries[4];
+  double* jacobians[kMaxWeighedSlots];
+  int entries[kMaxWeighedSlots];
 };
 
 // Multiplies, where it is asked to; adds up costs and squares.

@@ -12,7 +12,7 @@
 namespace holba {
 
 struct GroupLineResidual {
-  static constexpr int kDim = 4;
+  static constexpr int kDim = 4, kNumSlots = 4;
   using Datum = SegmentDatum;
   LineCamera camera;
   const GroupType* type;

@@ -10,7 +10,7 @@
 namespace holba {
 
 struct GroupMeasurementResidual {
-  static constexpr int kDim = 3;
+  static constexpr int kDim = 3, kNumSlots = 2;
   struct Datum {
     Eigen::Vector3d measured_in_cam;  // unit; the sign does not matter
     double sigma_rad;

@@ -11,7 +11,7 @@
 namespace holba {
 
 struct GroupPointResidual {
-  static constexpr int kDim = 2;
+  static constexpr int kDim = 2, kNumSlots = 4;
   struct Datum {
     const SensorPose* sensor;
   };

@@ -15,7 +15,7 @@ struct SegmentDatum {
 };
 
 struct LineResidual {
-  static constexpr int kDim = 4;
+  static constexpr int kDim = 4, kNumSlots = 3;
   using Datum = SegmentDatum;
   LineCamera camera;
 

@@ -121,6 +121,18 @@ HOLBA_SIMD_INLINE void GatherSensors(const VectorWork& work, const PackOfResidua
   LoadRows<12>(kIdentity, idx, out);
 }
 
+// The poses of slot 1, or those that stand in for them. One load for both: a branch around the load
+// would change how the compiler fuses what follows, and with it the last bits.
+HOLBA_SIMD_INLINE void GatherPoses(const VectorWork& work, const PackOfResiduals& pack, Pack* out) {
+  const bool own = work.poses != nullptr;
+  int64_t idx[kLanes];
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const size_t at = pack.j + lane < work.count ? pack.j + lane : work.count - 1;
+    idx[lane] = static_cast<int64_t>(own ? 7 * at : OffsetOf(work, pack.residual[lane], 1));
+  }
+  LoadRows<7>(own ? work.poses : work.state, idx, out);
+}
+
 // The views of slot 1, with the sensor at that byte of the datum.
 template <bool kSensors>
 HOLBA_SIMD_INLINE ViewFormulas<Pack, kSensors> LoadView(const VectorWork& work,
@@ -128,7 +140,7 @@ HOLBA_SIMD_INLINE ViewFormulas<Pack, kSensors> LoadView(const VectorWork& work,
                                                         size_t sensor_at) {
   ViewFormulas<Pack, kSensors> view;
   Pack pose[7];
-  GatherSlot<7>(work, pack, 1, pose);
+  GatherPoses(work, pack, pose);
   view.SetPose(pose);
   if constexpr (kSensors) {
     Pack sensor[12];

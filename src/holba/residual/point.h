@@ -9,7 +9,7 @@
 namespace holba {
 
 struct PointResidual {
-  static constexpr int kDim = 2;
+  static constexpr int kDim = 2, kNumSlots = 3;
   struct Datum {
     Eigen::Vector2d observed;
     const SensorPose* sensor;  // null: the reference sensor of its rig

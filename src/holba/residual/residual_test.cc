@@ -27,6 +27,7 @@
 #include "holba/residual/wireframe_3d.h"
 #include "holba/residual/wireframe_line.h"
 #include "holba/residual/wireframe_point.h"
+#include "holba/residual/with_sensor_pose.h"
 
 namespace holba {
 namespace {
@@ -237,6 +238,74 @@ TEST(PrincipalPointPrior, IsTheDistanceInStandardDeviations) {
   EXPECT_DOUBLE_EQ(residual[1], -1.25);
   for (int i = 0; i < 16; ++i)
     EXPECT_DOUBLE_EQ(J[i], i == 2 ? 0.1 : i == 8 + 3 ? 0.125 : 0.0) << i;
+}
+
+// A kernel with the sensor's pose as a block: its Jacobians, and that it is the kernel that sees
+// through this pose held.
+template <typename Kernel>
+void ExpectAsHeld(const Kernel& kernel, typename Kernel::Datum datum, std::vector<Slot> slots,
+                  Scene* scene, const std::string& what) {
+  const Eigen::Quaterniond q = ExpRotation(scene->Vector(0.2));
+  const Eigen::Vector3d t = scene->Vector(0.3);
+  const SensorPose held{q.toRotationMatrix(), t};
+  datum.sensor = &held;
+  double expected[Kernel::kDim], by_frame[6 * Kernel::kDim];
+  const double* values[kMaxSlots] = {};
+  double* jacobians[kMaxSlots] = {};
+  for (size_t s = 0; s < slots.size(); ++s) values[s] = slots[s].values.data();
+  jacobians[1] = by_frame;
+  ASSERT_TRUE(kernel.Evaluate(datum, values, expected, jacobians)) << what;
+
+  datum.sensor = nullptr;
+  slots.push_back({&OpsOf<PoseManifold>(), {q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()}});
+  const WithSensorPose<Kernel> with_sensor{kernel};
+  ExpectJacobians(with_sensor, datum, slots, what);
+  double r[Kernel::kDim], by_frame_too[6 * Kernel::kDim];
+  for (size_t s = 0; s < slots.size(); ++s) values[s] = slots[s].values.data();
+  jacobians[1] = by_frame_too;
+  ASSERT_TRUE(with_sensor.Evaluate(datum, values, r, jacobians)) << what;
+  for (int k = 0; k < Kernel::kDim; ++k) {
+    EXPECT_NEAR(r[k], expected[k], 1e-9 * (1.0 + std::abs(expected[k]))) << what;
+    for (int c = 6 * k; c < 6 * k + 6; ++c)
+      EXPECT_NEAR(by_frame_too[c], by_frame[c], 1e-9 * (1e3 + std::abs(by_frame[c]))) << what;
+  }
+}
+
+TEST(WithSensorPose, IsTheResidualThroughThatPoseWithItsJacobians) {
+  Scene scene;
+  for (const char* name : {"PINHOLE", "OPENCV", "OPENCV_FISHEYE"}) {
+    const CameraModel& model = *FindCameraModel(std::string_view(name));
+    const LineCamera line_camera{&model, !model.is_pinhole};
+    const Slot camera = scene.Camera(model);
+    const auto segment = [&] { return scene.Segment(model, camera.values, nullptr); };
+    ExpectAsHeld(PointResidual{&model}, {scene.Pixel(), nullptr},
+                 {scene.Point(), scene.Pose(), camera}, &scene, "point");
+    ExpectAsHeld(LineResidual{line_camera}, segment(), {scene.Line(), scene.Pose(), camera}, &scene,
+                 "line");
+    ExpectAsHeld(WireframePointResidual{line_camera}, segment(),
+                 {scene.Point(), scene.Pose(), camera}, &scene, "wireframe_point");
+    ExpectAsHeld(WireframeLineResidual{line_camera},
+                 {IdealObservation(model, camera.values.data(), scene.Pixel()), nullptr},
+                 {scene.Line(), scene.Pose(), camera}, &scene, "wireframe_line");
+    for (const GroupType* type : AllGroupTypes()) {
+      const std::string of_type(type->name);
+      if (type->project_point) {
+        ExpectAsHeld(GroupPointResidual{&model, type}, {nullptr},
+                     {scene.Point(), scene.Pose(), camera, scene.Group(*type)}, &scene,
+                     "group_point " + of_type);
+      }
+      if (type->project_line) {
+        ExpectAsHeld(GroupLineResidual{line_camera, type}, segment(),
+                     {scene.Line(), scene.Pose(), camera, scene.Group(*type)}, &scene,
+                     "group_line " + of_type);
+      }
+      if (type->HasDirection()) {
+        ExpectAsHeld(GroupMeasurementResidual{type},
+                     {Eigen::Vector3d(0.6, 0.64, 0.48), 0.02, nullptr},
+                     {scene.Group(*type), scene.Pose()}, &scene, "group_measurement " + of_type);
+      }
+    }
+  }
 }
 
 TEST(GroupLine3dResidual, IsTheDistanceOfBothEndsFromTheProjectedLineWhereOnlyLinesAreProjected) {

@@ -24,6 +24,7 @@
 #include "holba/residual/vanishing_point.h"
 #include "holba/residual/wireframe_line.h"
 #include "holba/residual/wireframe_point.h"
+#include "holba/residual/with_sensor_pose.h"
 
 namespace holba {
 namespace {
@@ -93,7 +94,8 @@ struct State {
   }
 };
 
-enum class Sensors { kNone, kMixed };
+// No sensors; some residuals through one that is held; all through sensors whose poses are blocks.
+enum class Sensors { kNone, kMixed, kBlocks };
 
 const SensorPose kSensor{ExpRotation({0.1, -0.2, 0.05}).toRotationMatrix(), {0.2, -0.1, 0.3}};
 
@@ -192,21 +194,36 @@ class CaseBuilder {
   template <typename Kernel, typename MakeDatum>
   Case Make(Kernel kernel, std::vector<int> tangents, const std::vector<BlockId>& features,
             const std::vector<BlockId>& groups, MakeDatum&& datum) {
+    if constexpr (Kernel::kNumSlots < kMaxSlots) {
+      if (sensors_ == Sensors::kBlocks) {
+        sensors_ = Sensors::kNone;
+        for (int i = 0; i < 3; ++i) sensor_blocks_.push_back(AddSensor());
+        tangents.push_back(6);
+        return Make(WithSensorPose<Kernel>{kernel}, std::move(tangents), features, groups, datum);
+      }
+    }
     auto batch =
         std::make_unique<KernelBatch<Kernel>>("term", Kernel::kDim, std::move(tangents), kernel);
     for (size_t i = 0; i < kResiduals; ++i) {
       std::vector<BlockId> blocks{features[i % features.size()], poses_[(i / 2) % poses_.size()],
                                   cameras_[i % cameras_.size()]};
       if (!groups.empty()) blocks.push_back(groups[(i / 3) % groups.size()]);
+      if (!sensor_blocks_.empty()) blocks.push_back(sensor_blocks_[i % sensor_blocks_.size()]);
       batch->Add(blocks, datum(i));
     }
     return {"", std::move(state_), std::move(batch)};
   }
 
+  BlockId AddSensor() {
+    const Eigen::Quaterniond q = ExpRotation(state_.Vector(0.1));
+    const Eigen::Vector3d t = state_.Vector(0.2);
+    return state_.Add({q.x(), q.y(), q.z(), q.w(), t.x(), t.y(), t.z()});
+  }
+
   State state_;
   const CameraModel& model_;
   Sensors sensors_;
-  std::vector<BlockId> points_, lines_, poses_, cameras_, planes_, vps_;
+  std::vector<BlockId> points_, lines_, poses_, cameras_, planes_, vps_, sensor_blocks_;
 };
 
 // Evaluates the range in packs and one by one.
@@ -294,12 +311,14 @@ class Packs : public testing::TestWithParam<SimdTarget> {
       }
     }
     for (const CameraModel* model : models) {
-      for (const Sensors sensors : {Sensors::kNone, Sensors::kMixed}) {
+      for (const Sensors sensors : {Sensors::kNone, Sensors::kMixed, Sensors::kBlocks}) {
         for (const bool shared : {true, false}) {
           CaseBuilder builder(*model, sensors, shared);
           Case c = make(builder);
           c.name = name + ", " + std::string(model->name) +
-                   (sensors == Sensors::kMixed ? ", sensors" : "") + (shared ? ", shared" : "");
+                   (sensors == Sensors::kMixed ? ", sensors" : "") +
+                   (sensors == Sensors::kBlocks ? ", sensors as blocks" : "") +
+                   (shared ? ", shared" : "");
           ExpectAgreementOnRanges(c);
         }
       }

@@ -16,7 +16,8 @@
 
 namespace holba {
 
-// Pose of a sensor in its rig, x_sensor = R x_rig + t. Constant in every problem.
+// Pose of a sensor in its rig, x_sensor = R x_rig + t, that is held. One that is adjusted is a
+// block (with_sensor_pose.h).
 struct SensorPose {
   Eigen::Matrix3d rotation;
   Eigen::Vector3d translation;

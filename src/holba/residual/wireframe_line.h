@@ -11,7 +11,7 @@
 namespace holba {
 
 struct WireframeLineResidual {
-  static constexpr int kDim = 1;
+  static constexpr int kDim = 1, kNumSlots = 3;
   struct Datum {
     IdealObservation observed;
     const SensorPose* sensor;

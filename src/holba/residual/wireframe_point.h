@@ -12,7 +12,7 @@
 namespace holba {
 
 struct WireframePointResidual {
-  static constexpr int kDim = 1;
+  static constexpr int kDim = 1, kNumSlots = 3;
   using Datum = SegmentDatum;
   LineCamera camera;
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "holba/base/check.h"
 #include "holba/group/group_type.h"
@@ -125,13 +126,12 @@ LocalFrame::LocalFrame(Reconstruction* model, Unit unit)
   }
   const Sim3d& by = local_from_world_;
   for (auto& [id, rig] : model_.rigs) {
-    std::vector<Eigen::Vector3d> translations;
+    std::vector<std::optional<Rigid3d>> poses;
     for (Rig::Sensor& sensor : rig.sensors) {
-      translations.push_back(sensor.sensor_from_rig ? sensor.sensor_from_rig->translation
-                                                    : Eigen::Vector3d::Zero());
+      poses.push_back(sensor.sensor_from_rig);
       if (sensor.sensor_from_rig) sensor.sensor_from_rig->translation *= by.scale;
     }
-    sensor_translations_.Add(id, std::move(translations));
+    sensors_.Add(id, std::move(poses));
   }
   for (const auto& [id, image] : model_.images) images_.Add(id, image.cam_from_world);
   for (const auto& [id, frame] : model_.frames) frames_.Add(id, frame.rig_from_world);
@@ -162,20 +162,24 @@ LocalFrame::~LocalFrame() {
   const auto restore = [&](const Eigen::Vector3d* world, Eigen::Vector3d* X) {
     *X = world && Moved(by, *world) == *X ? *world : world_from_local * *X;
   };
+  std::set<rig_t> changed_rigs;
   for (auto& [id, rig] : model_.rigs) {
-    const std::vector<Eigen::Vector3d>* world = sensor_translations_.Find(id);
+    const std::vector<std::optional<Rigid3d>>* world = sensors_.Find(id);
     for (size_t i = 0; i < rig.sensors.size(); ++i) {
       if (!rig.sensors[i].sensor_from_rig) continue;
-      Eigen::Vector3d& t = rig.sensors[i].sensor_from_rig->translation;
-      const bool is_old = world && i < world->size() && by.scale * (*world)[i] == t;
-      t = is_old ? (*world)[i] : Eigen::Vector3d(world_from_local.scale * t);
+      Rigid3d& pose = *rig.sensors[i].sensor_from_rig;
+      const Rigid3d* old = world && i < world->size() && (*world)[i] ? &*(*world)[i] : nullptr;
+      const bool is_old = old && by.scale * old->translation == pose.translation;
+      if (!is_old || old->rotation.coeffs() != pose.rotation.coeffs()) changed_rigs.insert(id);
+      pose.translation =
+          is_old ? old->translation : Eigen::Vector3d(world_from_local.scale * pose.translation);
     }
   }
   for (auto& [id, frame] : model_.frames) {
     const Rigid3d* world = frames_.Find(id);
     const bool is_old = world && Same(Moved(by, *world), frame.rig_from_world);
     model_.SetFramePose(id, is_old ? *world : Moved(world_from_local, frame.rig_from_world));
-    if (!is_old) continue;
+    if (!is_old || changed_rigs.contains(frame.rig_id)) continue;
     // A file may hold poses of images that differ from that of their frame in the last bit.
     for (const Frame::Data& data : frame.data) {
       if (data.sensor.type != SensorType::kCamera || data.data_id >= kInvalidId32) continue;

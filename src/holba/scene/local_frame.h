@@ -43,7 +43,7 @@ class LocalFrame {
   Reconstruction& model_;
   Sim3d local_from_world_;
   // As they were in the world.
-  IdMap<rig_t, std::vector<Eigen::Vector3d>> sensor_translations_;
+  IdMap<rig_t, std::vector<std::optional<Rigid3d>>> sensors_;  // of rigs, their poses
   IdMap<frame_t, Rigid3d> frames_;
   IdMap<image_t, Rigid3d> images_;
   IdMap<point3D_t, Eigen::Vector3d> points_;

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <map>
+#include <utility>
 
 #include "holba/geometry/types.h"
 #include "holba/scene/types.h"
@@ -22,6 +23,8 @@ struct ModelUncertainty {
   double sigma_px = 0.0;
   // Of rig_from_world: w (rad) of R' = exp(w) R, then the translation.
   std::map<frame_t, Matrix6d> poses;
+  // Of sensor_from_rig, alike: sensors whose pose in their rig was adjusted.
+  std::map<std::pair<rig_t, camera_t>, Matrix6d> sensors;
   std::map<point3D_t, Eigen::Matrix3d> points;
   std::map<line3D_t, LineCovariance> lines;
   // Of the plain parameters of the files.

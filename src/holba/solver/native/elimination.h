@@ -48,7 +48,7 @@ inline constexpr int kFeatureRow = 8;
 inline constexpr uint16_t kNoPosition = 0xFFFF;  // the segment's blocks are constant
 inline constexpr uint16_t kFirstTouch = 0x8000, kPositionMask = 0x7FFF;
 inline constexpr uint16_t kMaxPositions = 0x7FFF;
-inline constexpr int kMaxPanelSegments = 4;
+inline constexpr int kMaxPanelSegments = 5;
 inline constexpr uint32_t kNoNode = ~uint32_t{0};   // instead of a node: the blocks are constant
 inline constexpr uint32_t kNoBlock = ~uint32_t{0};  // instead of a block: the form leaves it out
 
