@@ -19,10 +19,6 @@ constexpr int kMaxRounds = 12;
 // A round before the last need not converge: it only has to bring the residuals near.
 constexpr int kRoundIterations = 15;
 constexpr double kRoundTolerance = 1e-4;
-// Nearly the Gauss-Newton step: where an optimum of a little less or other weight is near, damping
-// only keeps weak directions from going there.
-constexpr double kNearTrustRadius = 1e8;
-constexpr double kNearTolerance = 1e-6;
 
 void Accumulate(const SolverSummary& round, SolverSummary* sum) {
   SolverSummary merged = round;
@@ -144,11 +140,7 @@ class Adjuster {
   void ChooseWeights() {
     if (stopped_) return;
     const auto solve = [&](int num_iterations, Problem* problem) {
-      SolverOptions near = Short();
-      near.max_num_iterations = std::min(near.max_num_iterations, num_iterations);
-      near.function_tolerance = kNearTolerance;
-      near.initial_trust_radius = kNearTrustRadius;
-      Solve(near, problem);
+      Solve(StepsFromNear(solver_options_, num_iterations), problem);
       return !stopped_;
     };
     summary_.weight_choice = holba::ChooseWeights(
@@ -167,8 +159,11 @@ class Adjuster {
       AdjustCameras(choice);
       selection_.HoldCameras();
     }
+    // The summary's reduced system is that of the cameras.
+    const ReducedSystem of_cameras = summary_.solver.reduced_system;
     BundleProblem bundle = Build();
     AnnealAndSolve(solver_options_, &bundle.problem);
+    if (!choice.IsAsGiven()) summary_.solver.reduced_system = of_cameras;
     return bundle;
   }
 

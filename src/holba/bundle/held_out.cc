@@ -28,6 +28,9 @@ constexpr double kTolerance = 1e-9;
 // An observation of a point behind the camera costs as much as one that misses by so many scales.
 constexpr double kAbsentScales = 1e3;
 
+constexpr double kNearTrustRadius = 1e8;
+constexpr double kNearTolerance = 1e-6;
+
 // 32 regions, eight in a fold: large beside the distances over which errors are alike, and
 // enough that each fold leaves out a bit of everything.
 constexpr int kHalvings = 5;
@@ -144,8 +147,7 @@ BundleSelection WithoutPoints(BundleSelection selection, const std::vector<point
 
 HeldOutPoints::HeldOutPoints(const Reconstruction& model, const BundleSelection& selection)
     : folds_(kNumFolds) {
-  FlatIndex image_idx;
-  for (const auto& [id, image] : ImagesOf(model, selection)) image_idx.Add(id);
+  for (const auto& [id, image] : ImagesOf(model, selection)) image_idx_.Add(id);
   std::vector<Located> located;
   located.reserve(selection.points.size());
   for (const auto& selected : selection.points) {
@@ -153,7 +155,7 @@ HeldOutPoints::HeldOutPoints(const Reconstruction& model, const BundleSelection&
     const Point3D& point = model.points3D.at(selected.id);
     located.push_back(
         {point.xyz, selected.id, false,
-         !IsOfStructure(point.origin) && NumImages(point.track, image_idx) >= kMinImages});
+         !IsOfStructure(point.origin) && NumImages(point.track, image_idx_) >= kMinImages});
   }
   for (const auto& selected : selection.lines) {
     if (selected.constant) continue;
@@ -186,16 +188,24 @@ std::vector<double> HeldOutPoints::PredictionCosts(size_t fold, const Reconstruc
       const Point3D& point = model.points3D.at(ids[i]);
       sightings.clear();
       for (const PointObservation& o : point.track) {
-        const Image* image = model.images.Find(o.image_id);
-        if (image == nullptr) continue;
-        const Camera& camera = model.cameras.at(image->camera_id);
-        sightings.push_back({camera.model, camera.params.data(), image->cam_from_world,
-                             image->points2D[o.point2D_idx].xy});
+        if (!image_idx_.contains(o.image_id)) continue;
+        const Image& image = model.images.at(o.image_id);
+        const Camera& camera = model.cameras.at(image.camera_id);
+        sightings.push_back({camera.model, camera.params.data(), image.cam_from_world,
+                             image.points2D[o.point2D_idx].xy});
       }
       costs[i] = BestCost(sightings, point.xyz, scale_px);
     }
   });
   return costs;
+}
+
+SolverOptions StepsFromNear(SolverOptions options, int num_iterations) {
+  options.analyse_reduced_system = false;
+  options.max_num_iterations = std::min(options.max_num_iterations, num_iterations);
+  options.function_tolerance = kNearTolerance;
+  options.initial_trust_radius = kNearTrustRadius;
+  return options;
 }
 
 PairedMean MeanDifference(const std::vector<double>& a, const std::vector<double>& b) {

@@ -8,6 +8,7 @@
 
 #include "holba/bundle/bundle_selection.h"
 #include "holba/scene/reconstruction.h"
+#include "holba/solver/solver.h"
 
 namespace holba {
 
@@ -37,6 +38,7 @@ class HeldOutPoints {
     std::vector<point3D_t> points, judged;
     std::vector<line3D_t> lines;
   };
+  FlatIndex image_idx_;  // of the selection: other images say nothing of what it adjusts
   std::vector<Fold> folds_;
 };
 
@@ -44,6 +46,10 @@ class HeldOutPoints {
 size_t NumImages(const std::vector<PointObservation>& track, const FlatIndex& image_idx);
 
 BundleSelection WithoutPoints(BundleSelection selection, const std::vector<point3D_t>& ids);
+
+// For an adjustment of a fold from near its optimum: at most so many steps, nearly Gauss-Newton's,
+// as damping would only keep weak directions from arriving.
+SolverOptions StepsFromNear(SolverOptions options, int num_iterations);
 
 // A mean of differences and its standard error.
 struct PairedMean {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/bundle/intrinsics_choice.h"
 
-#include <algorithm>
 #include <vector>
 
 #include "holba/bundle/bundle_problem.h"
@@ -12,13 +11,9 @@ namespace {
 
 // Each fold begins at the optimum of all points.
 constexpr int kIterations = 8;
-constexpr double kNearTrustRadius = 1e8;
 
 std::vector<double> Costs(const AdjustedPoints& points, const HeldOutPoints& held_out, size_t fold,
-                          const NoiseSigmas& sigmas, SolverOptions solver) {
-  solver.analyse_reduced_system = false;
-  solver.max_num_iterations = std::min(solver.max_num_iterations, kIterations);
-  solver.initial_trust_radius = kNearTrustRadius;
+                          const NoiseSigmas& sigmas, const SolverOptions& solver) {
   BundleOptions options = points.options;
   options.config = BundleConfig::kPoint;
   AutoScales scales(options, sigmas);
@@ -26,7 +21,7 @@ std::vector<double> Costs(const AdjustedPoints& points, const HeldOutPoints& hel
       BuildProblem(points.model, options,
                    held_out.Without(fold, BundleSelection::Everything(points.model, options)));
   scales.Begin(bundle.problem);
-  Solve(solver, &bundle.problem);
+  Solve(StepsFromNear(solver, kIterations), &bundle.problem);
   Reconstruction adjusted = points.model;
   WriteBack(bundle, &adjusted);
   return held_out.PredictionCosts(fold, adjusted, scales.scales().at("point"), solver.num_threads);

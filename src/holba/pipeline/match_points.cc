@@ -299,30 +299,4 @@ MatchPointsReport MatchPoints(const MatchPointsOptions& options,
   return report;
 }
 
-std::string_view NameOf(TwoViewConfig config) {
-  switch (config) {
-    case TwoViewConfig::kUndefined:
-      return "undefined";
-    case TwoViewConfig::kDegenerate:
-      return "degenerate";
-    case TwoViewConfig::kCalibrated:
-      return "calibrated";
-    case TwoViewConfig::kUncalibrated:
-      return "uncalibrated";
-    case TwoViewConfig::kPlanar:
-      return "planar";
-    case TwoViewConfig::kPanoramic:
-      return "panoramic";
-    case TwoViewConfig::kPlanarOrPanoramic:
-      return "planar or panoramic";
-    case TwoViewConfig::kWatermark:
-      return "watermark";
-    case TwoViewConfig::kMultiple:
-      return "multiple";
-    case TwoViewConfig::kCalibratedRig:
-      return "calibrated rig";
-  }
-  return "";
-}
-
 }  // namespace holba

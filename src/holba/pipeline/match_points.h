@@ -54,6 +54,5 @@ MatchPointsReport MatchPoints(const MatchPointsOptions& options,
                               const std::vector<ImagePair>& pairs, Database* database,
                               const std::function<void(size_t num_done)>& progress);
 
-std::string_view NameOf(TwoViewConfig config);  // "planar"
 
 }  // namespace holba

@@ -25,4 +25,30 @@ TwoViewGeometry TwoViewGeometry::Swapped() const {
   return swapped;
 }
 
+std::string_view NameOf(TwoViewConfig config) {
+  switch (config) {
+    case TwoViewConfig::kUndefined:
+      return "undefined";
+    case TwoViewConfig::kDegenerate:
+      return "degenerate";
+    case TwoViewConfig::kCalibrated:
+      return "calibrated";
+    case TwoViewConfig::kUncalibrated:
+      return "uncalibrated";
+    case TwoViewConfig::kPlanar:
+      return "planar";
+    case TwoViewConfig::kPanoramic:
+      return "panoramic";
+    case TwoViewConfig::kPlanarOrPanoramic:
+      return "planar_or_panoramic";
+    case TwoViewConfig::kWatermark:
+      return "watermark";
+    case TwoViewConfig::kMultiple:
+      return "multiple";
+    case TwoViewConfig::kCalibratedRig:
+      return "calibrated_rig";
+  }
+  return "";
+}
+
 }  // namespace holba

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "holba/geometry/rigid3d.h"
@@ -31,6 +32,9 @@ enum class TwoViewConfig : int {
   kMultiple = 8,
   kCalibratedRig = 9,
 };
+
+// As reports name it: "calibrated", "planar_or_panoramic".
+std::string_view NameOf(TwoViewConfig config);
 
 struct TwoViewGeometry {
   TwoViewConfig config = TwoViewConfig::kUndefined;
