@@ -21,6 +21,10 @@ constexpr size_t kMinVerified = 30;
 // Costs of single tracks differ by a tenth or so between two cameras; the mean of so many is known
 // to a thousandth or two, which is what weights differ by. Large models are done with a fold.
 constexpr size_t kEnoughTracks = 4000;
+// Below so many, means are known to a hundredth or two at best, and the lowest is chance: weights
+// as given, which follow the measured noise, stay unless others are better by two standard errors.
+constexpr size_t kEnoughToRank = 400;
+constexpr double kSureErrors = 2.0;
 // Weights differ by factors of four: standard deviations by two.
 constexpr double kStep = 4.0;
 // Steps of an adjustment of a fold. The first, which are not judged, have to forget what is left
@@ -110,7 +114,7 @@ class Chooser {
     TryDiagonal();
     if (!best_.weights.points_alone) TryFamilies();
     if (stopped_) return {};
-    choice_.weights = best_.weights;
+    if (IsSurelyLower(best_costs_, as_given_)) choice_.weights = best_.weights;
     return std::move(choice_);
   }
 
@@ -182,13 +186,13 @@ class Chooser {
       Costs without = CostsOfPoints(verified);
       if (stopped_) return;
       choice_.pairs_from_verified = MeanDifference(of_points_, without);
-      if (choice_.pairs_from_verified.mean > 0.0) {
+      if (IsSurelyLower(without, of_points_)) {
         choice_.without_unverified = true;
         selection_ = std::move(verified);
         of_points_ = std::move(without);
       }
     }
-    Take({{.points_alone = true}, {}});
+    Take({{.points_alone = true}, {}}, of_points_);
   }
 
   // All structure weighed alike: more or less while that is better.
@@ -215,14 +219,24 @@ class Chooser {
   void Try(const std::vector<StructureWeights>& trials) {
     const std::vector<Costs> costs = CostsOf(trials);
     if (stopped_) return;
-    for (size_t i = 0; i < trials.size(); ++i)
-      Take({{.structure = trials[i]}, MeanDifference(costs[i], of_points_)});
+    for (size_t i = 0; i < trials.size(); ++i) {
+      if (trials[i] == StructureWeights()) as_given_ = costs[i];
+      Take({{.structure = trials[i]}, MeanDifference(costs[i], of_points_)}, costs[i]);
+    }
   }
 
-  void Take(const WeightTrial& trial) {
+  void Take(const WeightTrial& trial, const Costs& costs) {
     choice_.trials.push_back(trial);
-    if (choice_.trials.size() == 1 || trial.from_points.mean < best_.from_points.mean)
-      best_ = trial;
+    if (choice_.trials.size() > 1 && !(trial.from_points.mean < best_.from_points.mean)) return;
+    best_ = trial;
+    best_costs_ = costs;
+  }
+
+  // Lower, and where tracks are few by more than chance.
+  bool IsSurelyLower(const Costs& costs, const Costs& than) const {
+    const PairedMean difference = MeanDifference(costs, than);
+    const double needed = choice_.num_tracks < kEnoughToRank ? kSureErrors : 0.0;
+    return difference.mean < -needed * difference.standard_error;
   }
 
   const FoldAdjustment& adjustment_;
@@ -234,6 +248,7 @@ class Chooser {
   std::vector<std::unique_ptr<BundleProblem>> folds_;  // with structure
   Costs of_points_;
   WeightTrial best_;
+  Costs best_costs_, as_given_;
   WeightChoice choice_;
   bool stopped_ = false;
 };
