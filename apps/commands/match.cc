@@ -2,14 +2,11 @@
 // holba match: verified matches for a database of features.
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "apps/command.h"
-#include "holba/base/error.h"
-#include "holba/base/file_faults.h"
 #include "holba/base/log.h"
 #include "holba/base/timer.h"
 #include "holba/base/words.h"
@@ -84,14 +81,7 @@ class MatchJob : public Job {
   }
 
   void ProbeOutputs(const Invocation&) const override {
-    // A database without features is of no use here, so that none is made.
-    if (!std::filesystem::exists(database_path_)) {
-      throw InputError(
-          database_path_,
-          "there is no such database; make it with 'holba extract', or check --database_path");
-    }
-    if (!std::filesystem::is_regular_file(database_path_)) throw FileIsWanted(database_path_);
-    ProbeDatabase(database_path_);
+    ProbeExistingDatabase(database_path_);
     ProbeResult();
   }
 

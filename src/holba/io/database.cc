@@ -151,6 +151,15 @@ void ProbeDatabase(const std::filesystem::path& path) {
   const Database::Transaction undone(&database);
 }
 
+void ProbeExistingDatabase(const std::filesystem::path& path) {
+  if (!std::filesystem::exists(path)) {
+    throw InputError(
+        path, "there is no such database; make it with 'holba extract', or check --database_path");
+  }
+  if (!std::filesystem::is_regular_file(path)) throw FileIsWanted(path);
+  ProbeDatabase(path);
+}
+
 Database::~Database() { Close(); }
 
 void Database::Close() {

@@ -94,6 +94,8 @@ std::string ToString(const Camera& camera);
 
 // Whether a Database could be opened at `path` and written to; makes none. Throws InputError.
 void ProbeDatabase(const std::filesystem::path& path);
+// The same of one that must be there already.
+void ProbeExistingDatabase(const std::filesystem::path& path);
 
 class Database {
  public:
@@ -124,6 +126,9 @@ class Database {
   std::map<camera_t, DatabaseCamera> ReadCameras() const;
   std::map<image_t, DatabaseImage> ReadImages() const;
   std::optional<image_t> FindImage(const std::string& name) const;
+  // Empty in databases of before COLMAP 3.12. Frames have no poses.
+  std::map<rig_t, Rig> ReadRigs() const;
+  std::map<frame_t, Frame> ReadFrames() const;
   // Of images that have one, in whatever way the database's version of COLMAP stores them.
   std::map<image_t, PositionPrior> ReadPositionPriors() const;
   // Adds it under this id, or (empty) under a new one. Returns the id. An image needs its camera,

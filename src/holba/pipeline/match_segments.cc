@@ -60,16 +60,19 @@ std::optional<Eigen::Matrix3d> FundamentalOf(const TwoViewGeometry& geometry, co
          EssentialMatrix(*geometry.cam2_from_cam1) * CalibrationMatrix(camera1).inverse();
 }
 
-void Count(const std::vector<LineMatch>& matches, MatchSegmentsReport* report) {
+void Take(const ImagePair& pair, const std::vector<LineMatch>& matches, MatchSegmentsReport* report,
+          LineMatchMap* found) {
   report->num_matches += matches.size();
-  report->num_mutual += MutualNearest(matches, kMaxLineMatchRatio).size();
+  std::vector<LineMatch> mutual = MutualNearest(matches, kMaxLineMatchRatio);
+  report->num_mutual += mutual.size();
+  if (found != nullptr && !mutual.empty()) (*found)[pair] = std::move(mutual);
 }
 
 }  // namespace
 
 MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
                                          const std::vector<ImagePair>& pairs, int num_threads,
-                                         Database* database) {
+                                         Database* database, LineMatchMap* found) {
   const Timer timer;
   MatchSegmentsReport report;
   const auto cameras = database->ReadCameras();
@@ -105,7 +108,7 @@ MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
                       ToString(image1->second.camera), ToString(image2->second.camera));
       if (const auto stored = database->ReadLineMatches(id1, id2, task.settings)) {
         ++report.pairs_reused;
-        Count(*stored, &report);
+        Take(pairs[i], *stored, &report, found);
         continue;
       }
       tasks.push_back(std::move(task));
@@ -119,7 +122,7 @@ MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
     Database::Transaction transaction(database);
     for (const PairTask& task : tasks) {
       database->WriteLineMatches(task.pair.first, task.pair.second, task.settings, task.matches);
-      Count(task.matches, &report);
+      Take(task.pair, task.matches, &report, found);
     }
     transaction.Commit();
   }

@@ -22,9 +22,10 @@ struct MatchSegmentsReport {
   double seconds = 0.0;
 };
 
-// Of those pairs that are verified. Nothing is done where no image has described segments.
+// Of those pairs that are verified. Nothing is done where no image has described segments. `found`
+// (null: not wanted) gets the mutual nearest ones.
 MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
                                          const std::vector<ImagePair>& pairs, int num_threads,
-                                         Database* database);
+                                         Database* database, LineMatchMap* found = nullptr);
 
 }  // namespace holba

@@ -12,22 +12,22 @@ constexpr uint32_t kNone = kInvalidId32;
 
 // Sorts by a key below `num_keys`, keeping the order of equal ones; `first`: where each key begins.
 template <typename Key>
-std::vector<PointSighting> CountingSort(std::span<const PointSighting> sightings, size_t num_keys,
+std::vector<CovisibleSighting> CountingSort(std::span<const CovisibleSighting> sightings, size_t num_keys,
                                         Key key, std::vector<size_t>* first) {
   first->assign(num_keys + 1, 0);
-  for (const PointSighting& s : sightings) {
+  for (const CovisibleSighting& s : sightings) {
     HOLBA_CHECK(key(s) < num_keys);
     ++(*first)[key(s) + 1];
   }
   for (size_t k = 0; k < num_keys; ++k) (*first)[k + 1] += (*first)[k];
   std::vector<size_t> next(first->begin(), first->end() - 1);
-  std::vector<PointSighting> sorted(sightings.size());
-  for (const PointSighting& s : sightings) sorted[next[key(s)]++] = s;
+  std::vector<CovisibleSighting> sorted(sightings.size());
+  for (const CovisibleSighting& s : sightings) sorted[next[key(s)]++] = s;
   return sorted;
 }
 
-std::vector<PointSighting> SightingsOfTracks(const Reconstruction& model) {
-  std::vector<PointSighting> sightings;
+std::vector<CovisibleSighting> SightingsOfTracks(const Reconstruction& model) {
+  std::vector<CovisibleSighting> sightings;
   uint32_t point_idx = 0;
   for (const auto& [id, point] : model.points3D) {
     for (const PointObservation& o : point.track) {
@@ -46,16 +46,16 @@ Covisibility::Covisibility(const Reconstruction& model) {
 }
 
 Covisibility::Covisibility(size_t num_images, size_t num_points,
-                           std::span<const PointSighting> sightings) {
+                           std::span<const CovisibleSighting> sightings) {
   Build(num_images, num_points, sightings);
 }
 
 void Covisibility::Build(size_t num_images, size_t num_points,
-                         std::span<const PointSighting> sightings) {
+                         std::span<const CovisibleSighting> sightings) {
   by_point_ = CountingSort(
-      sightings, num_points, [](const PointSighting& s) { return s.point_idx; }, &first_of_point_);
+      sightings, num_points, [](const CovisibleSighting& s) { return s.point_idx; }, &first_of_point_);
   by_image_ = CountingSort(
-      by_point_, num_images, [](const PointSighting& s) { return s.image_idx; }, &first_of_image_);
+      by_point_, num_images, [](const CovisibleSighting& s) { return s.image_idx; }, &first_of_image_);
 
   num_points_.assign(num_images, 0);
   first_neighbour_.assign(1, 0);
@@ -64,10 +64,10 @@ void Covisibility::Build(size_t num_images, size_t num_points,
   for (uint32_t i = 0; i < num_images; ++i) {
     const size_t begin = neighbours_.size();
     uint32_t last_own_point = kNone;
-    for (const PointSighting& own : SightingsIn(i)) {
+    for (const CovisibleSighting& own : SightingsIn(i)) {
       if (own.point_idx != last_own_point) ++num_points_[i];
       last_own_point = own.point_idx;
-      for (const PointSighting& other : SightingsOf(own.point_idx)) {
+      for (const CovisibleSighting& other : SightingsOf(own.point_idx)) {
         const uint32_t j = other.image_idx;
         if (j == i) continue;
         if (place[j] == kNone) {
@@ -99,8 +99,8 @@ Covisibility::Shared Covisibility::SharedWithNeighbours(size_t image_idx) const 
   }
   shared.sightings_.resize(shared.begin_.back());
   std::vector<size_t> next(shared.begin_.begin(), shared.begin_.end() - 1);
-  for (const PointSighting& own : SightingsIn(image_idx)) {
-    for (const PointSighting& other : SightingsOf(own.point_idx)) {
+  for (const CovisibleSighting& own : SightingsIn(image_idx)) {
+    for (const CovisibleSighting& other : SightingsOf(own.point_idx)) {
       if (other.image_idx == image_idx) continue;
       const auto it = std::lower_bound(
           neighbours.begin(), neighbours.end(), other.image_idx,

@@ -14,7 +14,7 @@
 namespace holba {
 
 // An observation of a point. Indices count from 0.
-struct PointSighting {
+struct CovisibleSighting {
   uint32_t point_idx = 0;
   uint32_t image_idx = 0;
   point2D_t point2D_idx = kInvalidId32;  // in the image
@@ -53,7 +53,7 @@ class Covisibility {
   // Of all observations of the tracks.
   explicit Covisibility(const Reconstruction& model);
   // Of these, in any order.
-  Covisibility(size_t num_images, size_t num_points, std::span<const PointSighting> sightings);
+  Covisibility(size_t num_images, size_t num_points, std::span<const CovisibleSighting> sightings);
 
   size_t num_images() const { return num_points_.size(); }
   // Number of different points that an image sees.
@@ -67,18 +67,18 @@ class Covisibility {
   Shared SharedWithNeighbours(size_t image_idx) const;
 
  private:
-  void Build(size_t num_images, size_t num_points, std::span<const PointSighting> sightings);
-  std::span<const PointSighting> SightingsOf(size_t point_idx) const {
+  void Build(size_t num_images, size_t num_points, std::span<const CovisibleSighting> sightings);
+  std::span<const CovisibleSighting> SightingsOf(size_t point_idx) const {
     return {by_point_.data() + first_of_point_[point_idx],
             first_of_point_[point_idx + 1] - first_of_point_[point_idx]};
   }
   // Sightings of an image, by point.
-  std::span<const PointSighting> SightingsIn(size_t image_idx) const {
+  std::span<const CovisibleSighting> SightingsIn(size_t image_idx) const {
     return {by_image_.data() + first_of_image_[image_idx],
             first_of_image_[image_idx + 1] - first_of_image_[image_idx]};
   }
 
-  std::vector<PointSighting> by_point_, by_image_;
+  std::vector<CovisibleSighting> by_point_, by_image_;
   std::vector<size_t> first_of_point_, first_of_image_, first_neighbour_;  // and the end
   std::vector<uint32_t> num_points_;                                       // of each image
   std::vector<Neighbour> neighbours_;

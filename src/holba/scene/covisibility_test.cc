@@ -111,7 +111,7 @@ TEST(Covisibility, IsSymmetric) {
 TEST(Covisibility, HoldsNothingForImagesThatShareNothing) {
   // A chain: each point in two images that follow each other.
   constexpr uint32_t kNum = 5000;
-  std::vector<PointSighting> sightings;
+  std::vector<CovisibleSighting> sightings;
   for (uint32_t i = 0; i + 1 < kNum; ++i) {
     sightings.push_back({i, i, 0});
     sightings.push_back({i, i + 1, 1});
@@ -125,7 +125,7 @@ TEST(Covisibility, HoldsNothingForImagesThatShareNothing) {
 }
 
 TEST(Covisibility, OfWhatIsNotThereIsAFault) {
-  const std::vector<PointSighting> sightings = {{0, 3, 0}};
+  const std::vector<CovisibleSighting> sightings = {{0, 3, 0}};
   EXPECT_THROW(Covisibility(3, 1, sightings), CheckError);
   EXPECT_THROW(Covisibility(4, 0, sightings), CheckError);
 }

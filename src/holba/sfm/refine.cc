@@ -43,6 +43,13 @@ class Refiner {
     RemoveStructure(&model_);
     AdjustPoints();
     const double points_seconds = timer.Seconds();
+    if (bundle_.config == BundleConfig::kPoint) {
+      report_.stage1 = report_.points_alone;
+      report_.stage1_options = bundle_;
+      UpdateErrors(&model_);
+      report_.adjust_seconds = points_seconds;
+      return std::move(report_);
+    }
 
     const LineMatchMap matches = match_lines(model_);
     const Timer structure_timer;

@@ -224,7 +224,7 @@ LineScene MakeLineScene(const LineOptions& options, const Reconstruction& model,
   }
 
   const size_t num_views = scene.views.size();
-  std::vector<std::vector<PointSighting>> sightings_of_view(num_views);
+  std::vector<std::vector<CovisibleSighting>> sightings_of_view(num_views);
   std::vector<std::map<std::string, size_t>> dropped_by_view(num_views);
   ParallelTasks(num_threads, num_views, [&](size_t v) {
     SceneView& view = scene.views[v];
@@ -250,7 +250,7 @@ LineScene MakeLineScene(const LineOptions& options, const Reconstruction& model,
   for (const auto& of_view : dropped_by_view) {
     for (const auto& [reason, count] : of_view) (*dropped)[reason] += count;
   }
-  std::vector<PointSighting> sightings;
+  std::vector<CovisibleSighting> sightings;
   for (const auto& of_view : sightings_of_view) {
     sightings.insert(sightings.end(), of_view.begin(), of_view.end());
   }

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/pipeline/mapping.h"
+
+#include <utility>
+#include <vector>
+
+#include "holba/io/database_graph.h"
+#include "holba/io/database_scene.h"
+#include "holba/pipeline/photograph_folder.h"
+
+namespace holba {
+namespace {
+
+// What the database has, whatever it was made with.
+ImageFeatureMap StoredStructure(const Database& database) {
+  ImageFeatureMap all;
+  for (const auto& [id, image] : database.ReadImages()) {
+    const auto settings = database.ReadSegmentSettings(id);
+    auto segments = settings ? database.ReadSegments(id, *settings) : std::nullopt;
+    if (!segments) continue;
+    ImageFeatures& features = all[id];
+    features.segments = std::move(*segments);
+    if (auto descriptors = database.ReadSegmentDescriptors(id, *settings))
+      features.segment_descriptors = std::move(*descriptors);
+  }
+  return all;
+}
+
+// All images as if they had poses: what is found in single photographs asks for none.
+Reconstruction Posed(Reconstruction scene) {
+  std::vector<frame_t> frames;
+  for (const auto& [id, frame] : scene.unregistered_frames) frames.push_back(id);
+  for (const frame_t id : frames) scene.RegisterFrame(id, Rigid3d());
+  return scene;
+}
+
+}  // namespace
+
+MappingData ReadMappingData(const MappingDataOptions& options, const DetectionOptions& detection,
+                            const LineMatchingOptions& matching,
+                            const std::filesystem::path* photographs, Database* database) {
+  MappingData data;
+  if (options.structure && photographs != nullptr) {
+    const Reconstruction posed = Posed(ReadScene(*database).scene);
+    std::map<image_t, image_t> own_ids;
+    for (const auto& [id, image] : posed.images) own_ids[id] = id;
+    std::map<image_t, ImportedSegments> imported;
+    DetectionReport report;
+    data.input.features = DetectFeatures(detection, PhotographFolder(*photographs, posed), posed,
+                                         own_ids, database, &imported, &report);
+    for (const LeftOutPhotograph& left_out : report.left_out)
+      data.without_photograph.insert(left_out.image_id);
+  } else if (options.structure) {
+    data.input.features = StoredStructure(*database);
+  }
+  LineMatchMap line_matches;
+  if (!data.input.features.empty()) {
+    data.segments = MatchSegmentsOfPairs(matching, database->VerifiedPairs(options.min_num_matches),
+                                         options.num_threads, database, &line_matches);
+  }
+  DatabaseScene scene = ReadScene(*database, data.input.features);
+  data.scene = std::move(scene.scene);
+  data.num_images_of_unknown_rigs = scene.num_images_of_unknown_rigs;
+  data.input.cameras_of_known_focal_length = std::move(scene.cameras_of_known_focal_length);
+  data.input.graph = ReadCorrespondenceGraph(
+      *database,
+      {.min_num_matches = options.min_num_matches, .ignore_watermarks = options.ignore_watermarks},
+      &data.input.features, &line_matches);
+  return data;
+}
+
+}  // namespace holba

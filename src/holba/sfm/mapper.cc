@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "holba/sfm/mapper.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "holba/base/timer.h"
+#include "holba/sfm/filter_model.h"
+#include "holba/sfm/next_image.h"
+
+namespace holba {
+namespace {
+
+// Grows one model.
+class Mapper {
+ public:
+  Mapper(const MapperOptions& options, const SolverOptions& solver, MapperState* state,
+         MapObserver* observer)
+      : options_(options),
+        num_threads_(solver.num_threads),
+        state_(*state),
+        observer_(*observer),
+        adjuster_(options, solver, state) {}
+
+  // False: no pair of images begins a model.
+  bool Begin(InitialPairReport* pairs) {
+    const Timer timer;
+    // COLMAP's relaxation: half of the inliers, half of the angle, twice. Then walks straight ahead,
+    // with the smallest angle that points have anyway.
+    InitialPairOptions initial = options_.initial;
+    for (int relaxation = 0; relaxation < 6; ++relaxation) {
+      if (relaxation == 1 || relaxation == 3)
+        initial.min_num_inliers = std::max(initial.min_num_inliers / 2, 5);
+      if (relaxation == 2 || relaxation == 4) initial.min_angle_deg /= 2.0;
+      if (relaxation == 5) {
+        initial.min_angle_deg =
+            std::min(initial.min_angle_deg, options_.triangulation.min_angle_deg);
+        initial.max_forward_motion = 2.0;
+      }
+      state_.tried_initial_pairs.clear();
+      state_.num_initial_trials.clear();
+      while (const auto pair = FindInitialPair(initial, num_threads_, &state_, pairs)) {
+        if (!BeginFrom(*pair)) {
+          ++pairs->dropped["too few points after the adjustment"];
+          continue;
+        }
+        report_.initial_pair = *pair;
+        Count("initial pair", timer);
+        return true;
+      }
+    }
+    return false;
+  }
+
+  void Grow() {
+    const Timer timer;
+    bool is_last_chance = false;
+    while (!observer_.ShouldStop()) {
+      const std::optional<image_t> image_id = RegisterNext();
+      if (!image_id) {
+        if (is_last_chance && adjuster_.IsGlobalDone()) break;
+        // Better poses may let images in that were refused.
+        is_last_chance = true;
+        AdjustAll();
+        continue;
+      }
+      is_last_chance = false;
+      const std::vector<image_t> frame = state_.ImagesOfFrame(*image_id);
+      Triangulate(frame);
+      AdjustAround(frame);
+      if (adjuster_.IsGlobalDue()) AdjustAll();
+      observer_.OnImage(state_, *image_id, Sentence(*image_id));
+    }
+    if (!adjuster_.IsGlobalDone()) AdjustAll();
+    report_.total_seconds += timer.Seconds();
+  }
+
+  MapReport Report() {
+    report_.adjustments = adjuster_.report();
+    return std::move(report_);
+  }
+
+ private:
+  bool BeginFrom(const InitialPair& pair) {
+    RegisterInitialPair(pair, &state_);
+    TriangulationOptions triangulation = options_.triangulation;
+    std::vector<image_t> images = state_.ImagesOfFrame(pair.image_id1);
+    for (const image_t id : state_.ImagesOfFrame(pair.image_id2)) {
+      if (std::find(images.begin(), images.end(), id) == images.end()) images.push_back(id);
+    }
+    // Two images know of every point no more than each other.
+    triangulation.ignore_two_view_tracks = false;
+    for (const image_t id : images) TriangulateImage(triangulation, id, &state_);
+    adjuster_.AdjustOnce();
+    FilterAllPoints(options_.filter, &state_);
+    state_.TakeModifiedPoints();
+    const size_t needed = std::min<size_t>(options_.registration.pose.abs_pose_min_num_inliers,
+                                           options_.initial.min_num_inliers);
+    if (state_.model().points3D.size() >= needed &&
+        std::all_of(images.begin(), images.end(), [&](image_t id) {
+          const Image& image = state_.model().images.at(id);
+          return IsPlausible(options_.filter, state_.model().cameras.at(image.camera_id));
+        })) {
+      report_.num_registered = images.size();
+      observer_.OnImage(state_, pair.image_id2, Sentence(pair.image_id2));
+      return true;
+    }
+    Undo(images);
+    return false;
+  }
+
+  // Frames lose their poses, and cameras that no other image has are as given again.
+  void Undo(const std::vector<image_t>& images) {
+    for (const image_t id : images) {
+      const Image* image = state_.model().images.Find(id);
+      if (image != nullptr) state_.DeregisterFrame(image->frame_id);
+    }
+    ResetFreeCameras(images);
+  }
+
+  void ResetFreeCameras(const std::vector<image_t>& images) {
+    for (const image_t id : images) {
+      const camera_t camera_id = state_.model().FindImage(id)->camera_id;
+      if (state_.NumRegistered(camera_id) == 0)
+        state_.mutable_model()->cameras.at(camera_id).params = state_.given_params.at(camera_id);
+    }
+  }
+
+  // Points and lines first; where none of the images that see some can be registered, matches
+  // alone.
+  std::optional<image_t> RegisterNext() {
+    const Timer timer;
+    std::optional<image_t> registered;
+    for (const image_t id : RankNextImages(options_.next, &state_)) {
+      if (Try(id, RegisterImage(options_, id, &state_))) {
+        registered = id;
+        break;
+      }
+    }
+    if (!registered && options_.registration.structure_less) {
+      const size_t min_matches =
+          2 * static_cast<size_t>(options_.registration.pose.abs_pose_min_num_inliers);
+      for (const image_t id : RankByMatches(options_.next, min_matches, state_)) {
+        if (Try(id, RegisterWithoutStructure(options_, id, &state_))) {
+          ++report_.num_registered_without_structure;
+          registered = id;
+          break;
+        }
+      }
+    }
+    Count("registration", timer);
+    return registered;
+  }
+
+  bool Try(image_t image_id, const RegistrationReport& registration) {
+    if (registration.accepted) {
+      report_.num_registered += state_.ImagesOfFrame(image_id).size();
+      return true;
+    }
+    ++state_.num_registration_trials[image_id];
+    ++report_.num_failed_registrations;
+    return false;
+  }
+
+  void Triangulate(const std::vector<image_t>& images) {
+    const Timer timer;
+    for (const image_t id : images)
+      report_.points += TriangulateImage(options_.triangulation, id, &state_);
+    Count("triangulation", timer);
+  }
+
+  void AdjustAround(const std::vector<image_t>& images) {
+    const Timer timer;
+    adjuster_.AdjustAround(images);
+    Count("local adjustment", timer);
+  }
+
+  void AdjustAll() {
+    const Timer timer;
+    const std::vector<image_t> removed = adjuster_.AdjustAll();
+    for (const image_t id : removed) ++state_.num_registration_trials[id];
+    report_.num_registered -= std::min(report_.num_registered, removed.size());
+    ResetFreeCameras(removed);
+    Count("global adjustment", timer);
+    observer_.OnModel(state_);
+  }
+
+  void Count(const char* stage, const Timer& timer) { report_.seconds[stage] += timer.Seconds(); }
+
+  std::string Sentence(image_t image_id) const {
+    const Reconstruction& model = state_.model();
+    return fmt::format("{}: {} images, {} points, {} lines, {} groups",
+                       model.FindImage(image_id)->name, model.images.size(), model.points3D.size(),
+                       model.lines3D.size(), model.groups3D.size());
+  }
+
+  const MapperOptions& options_;
+  const int num_threads_;
+  MapperState& state_;
+  MapObserver& observer_;
+  MapAdjuster adjuster_;
+  MapReport report_;
+};
+
+std::string WhyLeftOut(const MapperOptions& options, const MapperState* last, image_t image_id,
+                       const CorrespondenceGraph& graph) {
+  if (!graph.Contains(image_id) || graph.NumCorrespondences(image_id) == 0)
+    return "no verified matches with any other image";
+  if (last == nullptr) return "no pair of images could begin a model";
+  const auto trials = last->num_registration_trials.find(image_id);
+  if (trials != last->num_registration_trials.end())
+    return "its pose was not found among its matches with the model";
+  (void)options;
+  return "it sees too few points of the model";
+}
+
+}  // namespace
+
+MapResult MapImages(const MapperOptions& options, const SolverOptions& solver,
+                    const MappingInput& input, const Reconstruction& scene, MapObserver* observer) {
+  MapResult result;
+  MapObserver silent;
+  if (observer == nullptr) observer = &silent;
+  std::set<image_t> in_models;
+  std::set<ImagePair> tried_pairs;
+  std::optional<MapperState> state;
+  while (result.models.size() < static_cast<size_t>(options.max_num_models) &&
+         !observer->ShouldStop()) {
+    const bool is_first = result.models.empty();
+    state.emplace(input, scene);
+    state->images_of_earlier_models = in_models;
+    Mapper mapper(options, solver, &*state, observer);
+    if (scene.frames.empty() && !mapper.Begin(&result.initial_pairs)) break;
+    mapper.Grow();
+    const Reconstruction& model = state->model();
+    size_t num_shared = 0;
+    for (const auto& [id, image] : model.images) num_shared += in_models.contains(id);
+    const size_t num_new = model.images.size() - num_shared;
+    for (const auto& [id, image] : model.images) in_models.insert(id);
+    const bool is_large = model.images.size() >= static_cast<size_t>(options.min_model_size);
+    if (is_first || is_large) result.models.push_back({model, mapper.Report()});
+    if (!options.multiple_models || !scene.frames.empty() || num_new == 0) break;
+    if (in_models.size() >= input.graph.image_ids().size()) break;
+  }
+  std::stable_sort(result.models.begin(), result.models.end(), [](const auto& a, const auto& b) {
+    return a.model.images.size() > b.model.images.size();
+  });
+  std::set<image_t> mapped;
+  for (const MappedModel& mapped_model : result.models) {
+    for (const auto& [id, image] : mapped_model.model.images) mapped.insert(id);
+  }
+  const auto explain = [&](image_t id) {
+    if (!mapped.contains(id))
+      result.left_out[id] = WhyLeftOut(options, state ? &*state : nullptr, id, input.graph);
+  };
+  for (const auto& [id, image] : scene.unregistered_images) explain(id);
+  return result;
+}
+
+}  // namespace holba
