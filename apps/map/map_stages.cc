@@ -89,9 +89,10 @@ void MapStages::Describe(OptionTable* table) const {
   table->Choice("output_type", &format_,
                 {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
                 "Format of the model folders.");
-  table->Field("refine", &refine_models_,
-               "Whether models are refined at the end as by 'holba refine': structure of all images, "
-               "weights chosen by points left out, intrinsics as far as they are determined.");
+  table->Field(
+      "refine", &refine_models_,
+      "Whether models are refined at the end as by 'holba refine': structure of all images, "
+      "weights chosen by points left out, intrinsics as far as they are determined.");
   table->Field("num_pictures", &num_pictures_, AtLeast(-1),
                "Photographs that are drawn upon, evenly spread over each model; -1: all.");
   mapper_.Describe(table);
@@ -125,6 +126,8 @@ MapOutput MapStages::Run(const MapPaths& paths) {
           Counted(data.segments.num_mutual, "match"));
 
   const Timer map_timer;
+  mapper_.structure_options = refine_.structure;
+  mapper_.structure_options.SetNumThreads(num_threads);
   MapProgress progress(output.num_images, paths.quiet);
   MapResult result = MapImages(mapper_, refine_.solver, data.input, data.scene, &progress);
   output.map_seconds = map_timer.Seconds();

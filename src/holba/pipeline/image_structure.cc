@@ -101,6 +101,30 @@ void ReadStored(const Database& database, StructureTask* task) {
   }
 }
 
+void FindVanishingPoints(const VanishingPointOptions& options, const Camera& camera,
+                         ImageFeatures* features) {
+  // A segment without ideal pixels runs to no vanishing point.
+  Reconstruction alone;
+  alone.cameras.Add(1, camera);
+  Image image;
+  image.camera_id = 1;
+  alone.images.Add(1, image);
+  const IdealView view(alone, 1);
+  std::vector<LineSegment2d> ideal;
+  std::vector<size_t> idx_of_ideal;
+  for (size_t i = 0; i < features->segments.size(); ++i) {
+    if (const auto segment = view.ToIdeal(features->segments[i])) {
+      ideal.push_back(*segment);
+      idx_of_ideal.push_back(i);
+    }
+  }
+  VanishingPoints found = DetectVanishingPoints(options, ideal, view.K());
+  features->vanishing_points = std::move(found.points);
+  features->vp_of_segment.assign(features->segments.size(), -1);
+  for (size_t i = 0; i < ideal.size(); ++i)
+    features->vp_of_segment[idx_of_ideal[i]] = found.vp_of_segment[i];
+}
+
 void DetectStructure(const ExtractionOptions& extraction, const VanishingPointOptions& vps,
                      const GreyImage* photograph, const GreyImage* mask, StructureTask* task) {
   ImageFeatures& f = task->features;
@@ -110,26 +134,7 @@ void DetectStructure(const ExtractionOptions& extraction, const VanishingPointOp
     if (task->imported && !task->imported->descriptors.empty())
       f.segment_descriptors = task->imported->descriptors;
   }
-  // A segment without ideal pixels runs to no vanishing point.
-  Reconstruction alone;
-  alone.cameras.Add(1, *task->camera);
-  Image image;
-  image.camera_id = 1;
-  alone.images.Add(1, image);
-  const IdealView view(alone, 1);
-  std::vector<LineSegment2d> ideal;
-  std::vector<size_t> idx_of_ideal;
-  for (size_t i = 0; i < f.segments.size(); ++i) {
-    if (const auto segment = view.ToIdeal(f.segments[i])) {
-      ideal.push_back(*segment);
-      idx_of_ideal.push_back(i);
-    }
-  }
-  VanishingPoints found = DetectVanishingPoints(vps, ideal, view.K());
-  f.vanishing_points = std::move(found.points);
-  f.vp_of_segment.assign(f.segments.size(), -1);
-  for (size_t i = 0; i < ideal.size(); ++i)
-    f.vp_of_segment[idx_of_ideal[i]] = found.vp_of_segment[i];
+  FindVanishingPoints(vps, *task->camera, &f);
 }
 
 void StoreStructure(const StructureTask& task, Database* database) {

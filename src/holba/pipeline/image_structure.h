@@ -54,6 +54,10 @@ void ReadStored(const Database& database, StructureTask* task);
 void DetectStructure(const ExtractionOptions& extraction, const VanishingPointOptions& vps,
                      const GreyImage* photograph, const GreyImage* mask, StructureTask* task);
 
+// Of the features' segments; each segment gets the one it runs to.
+void FindVanishingPoints(const VanishingPointOptions& options, const Camera& camera,
+                         ImageFeatures* features);
+
 // In one transaction.
 void StoreStructure(const StructureTask& task, Database* database);
 

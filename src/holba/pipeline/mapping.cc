@@ -6,14 +6,16 @@
 
 #include "holba/io/database_graph.h"
 #include "holba/io/database_scene.h"
+#include "holba/pipeline/image_structure.h"
 #include "holba/pipeline/photograph_folder.h"
 
 namespace holba {
 namespace {
 
 // What the database has, whatever it was made with.
-ImageFeatureMap StoredStructure(const Database& database) {
+ImageFeatureMap StoredStructure(const VanishingPointOptions& vps, const Database& database) {
   ImageFeatureMap all;
+  const auto cameras = database.ReadCameras();
   for (const auto& [id, image] : database.ReadImages()) {
     const auto settings = database.ReadSegmentSettings(id);
     auto segments = settings ? database.ReadSegments(id, *settings) : std::nullopt;
@@ -22,6 +24,8 @@ ImageFeatureMap StoredStructure(const Database& database) {
     features.segments = std::move(*segments);
     if (auto descriptors = database.ReadSegmentDescriptors(id, *settings))
       features.segment_descriptors = std::move(*descriptors);
+    const auto camera = cameras.find(image.camera_id);
+    if (camera != cameras.end()) FindVanishingPoints(vps, camera->second.camera, &features);
   }
   return all;
 }
@@ -51,7 +55,7 @@ MappingData ReadMappingData(const MappingDataOptions& options, const DetectionOp
     for (const LeftOutPhotograph& left_out : report.left_out)
       data.without_photograph.insert(left_out.image_id);
   } else if (options.structure) {
-    data.input.features = StoredStructure(*database);
+    data.input.features = StoredStructure(detection.vps, *database);
   }
   LineMatchMap line_matches;
   if (!data.input.features.empty()) {

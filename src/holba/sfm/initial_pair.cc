@@ -40,8 +40,7 @@ class InitialPairSearch {
   std::optional<InitialPair> Run(int num_threads, InitialPairReport* report) {
     // Tried in parallel, a batch at a time; the first in order wins.
     const size_t batch_size = 2 * static_cast<size_t>(NumThreads(num_threads));
-    const size_t max_num_tried =
-        report->num_tried + static_cast<size_t>(options_.max_num_trials);
+    const size_t max_num_tried = report->num_tried + static_cast<size_t>(options_.max_num_trials);
     for (const image_t first : FirstImages()) {
       ++state_.num_initial_trials[first];
       const std::vector<image_t> seconds = SecondImages(first);
@@ -105,7 +104,8 @@ class InitialPairSearch {
         continue;
       if (!MayStart(matched.image_id) ||
           matched.num_matches < static_cast<size_t>(options_.min_num_inliers) ||
-          state_.tried_initial_pairs.contains(Ordered(first, matched.image_id)))
+          state_.tried_initial_pairs.contains(Ordered(first, matched.image_id)) ||
+          state_.failed_initial_pairs.contains(Ordered(first, matched.image_id)))
         continue;
       images.push_back(matched.image_id);
     }

@@ -8,13 +8,16 @@
 #include <utility>
 
 #include "holba/base/timer.h"
-#include "holba/bundle/adjust_local.h"
 #include "holba/bundle/bundle_selection.h"
 #include "holba/bundle/gauge.h"
 #include "holba/estimation/points/point_uncertainty.h"
 #include "holba/geometry/angle.h"
+#include "holba/robust/median.h"
 #include "holba/scene/views.h"
+#include "holba/sfm/extend_structure.h"
 #include "holba/sfm/filter_model.h"
+#include "holba/sfm/selection_backup.h"
+#include "holba/sfm/triangulate_lines.h"
 #include "holba/sfm/triangulate_points.h"
 
 namespace holba {
@@ -33,6 +36,9 @@ BundleConfig ConfigOf(MapperStructure structure) {
   }
   return BundleConfig::kHolistic;
 }
+
+// Fewer do not measure a scale.
+constexpr size_t kMinDistances = 50;
 
 }  // namespace
 
@@ -62,10 +68,9 @@ BundleOptions MapAdjuster::Bundle() const {
   bundle.refine_focal_length = options_.global.refine_focal_length;
   bundle.refine_principal_point = options_.global.refine_principal_point;
   bundle.refine_extra_params = options_.global.refine_extra_params;
-  for (const TermFamily family : {TermFamily::kPoint, TermFamily::kLine}) {
-    bundle[family].loss = LossChoice::kCauchy;
-    bundle[family].loss_scale = loss_scale_px_;
-  }
+  bundle[TermFamily::kPoint].loss = bundle[TermFamily::kLine].loss = LossChoice::kCauchy;
+  bundle[TermFamily::kPoint].loss_scale = loss_scale_px_;
+  bundle[TermFamily::kLine].loss_scale = line_loss_scale_px_;
   return bundle;
 }
 
@@ -163,6 +168,26 @@ void MapAdjuster::FreeIntrinsicsOf(BundleSelection* selection, const BundleOptio
   }
 }
 
+LocalSummary MapAdjuster::Adjust(const BundleOptions& bundle, const SolverOptions& solver,
+                                 BundleSelection* selection) {
+  Reconstruction& model = *state_.mutable_model();
+  const bool moves_intrinsics = std::any_of(selection->cameras.begin(), selection->cameras.end(),
+                                            [](const auto& camera) { return !camera.constant; });
+  if (!moves_intrinsics) return AdjustLocal(bundle, solver, *selection, &workspace_, &model);
+  const SelectionBackup backup(model, *selection);
+  LocalSummary summary = AdjustLocal(bundle, solver, *selection, &workspace_, &model);
+  bool is_wrong = false;
+  for (auto& camera : selection->cameras) {
+    if (camera.constant || IsPlausible(options_.filter, model.cameras.at(camera.id))) continue;
+    camera.constant = is_wrong = true;
+    ++report_.num_held_intrinsics;
+  }
+  if (!is_wrong) return summary;
+  // The images do not determine them yet: a walk straight ahead, a plane.
+  backup.Restore(&model);
+  return AdjustLocal(bundle, solver, *selection, &workspace_, &model);
+}
+
 void MapAdjuster::AdjustAround(const std::vector<image_t>& image_ids) {
   std::vector<image_t> bundle_images;
   for (int round = 0; round < options_.local.max_refinements; ++round) {
@@ -174,8 +199,7 @@ void MapAdjuster::AdjustAround(const std::vector<image_t>& image_ids) {
     HoldExisting(&selection, bundle);
     FreeIntrinsicsOf(&selection, bundle);
     selection.HoldUncertainIntrinsics(state_.model(), bundle);
-    const LocalSummary summary =
-        AdjustLocal(bundle, local_solver_, selection, &workspace_, state_.mutable_model());
+    const LocalSummary summary = Adjust(bundle, local_solver_, &selection);
     report_.local.Add(summary.solver, timer.Seconds());
 
     std::vector<point3D_t> points;
@@ -198,11 +222,38 @@ void MapAdjuster::AdjustAround(const std::vector<image_t>& image_ids) {
     report_.num_merged += merged.merged;
     report_.num_completed += completed.Observations();
     report_.num_filtered += num_filtered;
+    std::vector<line3D_t> lines;
+    for (const auto& line : selection.lines) lines.push_back(line.id);
+    UpdateLines(image_ids, std::move(lines));
     const double changed =
         static_cast<double>(merged.Observations() + completed.Observations() + num_filtered);
     if (changed <= options_.local.max_refinement_change * static_cast<double>(num_observations))
       break;
   }
+}
+
+size_t MapAdjuster::UpdateLines(const std::vector<image_t>& image_ids,
+                                std::vector<line3D_t> line_ids) {
+  if (!HasLines()) return 0;
+  const LineOptions& options = options_.structure_options.lines;
+  LineChanges changes;
+  for (const image_t id : image_ids) {
+    if (!state_.model().images.contains(id)) continue;
+    changes += TriangulateLines(options, id, &state_);
+    for (const Line2D& line : state_.model().images.at(id).lines2D) {
+      if (line.line3D_id != kNoId) line_ids.push_back(line.line3D_id);
+    }
+  }
+  std::sort(line_ids.begin(), line_ids.end());
+  line_ids.erase(std::unique(line_ids.begin(), line_ids.end()), line_ids.end());
+  changes += MergeLines(options, line_ids, &state_);
+  const size_t num_filtered = FilterLines(options, line_ids, &state_);
+  report_.num_lines_continued += changes.continued;
+  report_.num_lines_merged += changes.merged;
+  report_.num_lines_filtered += num_filtered;
+  if (options_.structure >= MapperStructure::kGroups)
+    ExtendGroups(options_.structure_options, {}, line_ids, &state_);
+  return 2 * changes.created + changes.continued + changes.merged + num_filtered;
 }
 
 void MapAdjuster::AdjustOnce() {
@@ -212,14 +263,33 @@ void MapAdjuster::AdjustOnce() {
   HoldExisting(&selection, bundle);
   selection.HoldUncertainIntrinsics(state_.model(), bundle);
   if (selection.points.empty() && selection.lines.empty()) return;
-  const LocalSummary summary =
-      AdjustLocal(bundle, global_solver_, selection, &workspace_, state_.mutable_model());
+  const LocalSummary summary = Adjust(bundle, global_solver_, &selection);
   report_.global.Add(summary.solver, timer.Seconds());
 }
 
 void MapAdjuster::MeasureNoise() {
   const auto sigma = MeasurePointSigmaPx(state_.model(), ViewMap(state_.model()));
   if (sigma) loss_scale_px_ = std::clamp(2.0 * *sigma, 0.1, options_.filter.max_error_px);
+  if (!HasLines() || state_.model().lines3D.empty()) return;
+  // Each segment has two distances; four of a line are its own unknowns.
+  ViewCache views(state_.model());
+  std::vector<double> distances_px;
+  for (const auto& [id, line] : state_.model().lines3D) {
+    const double redundancy = 1.0 - 4.0 / (2.0 * static_cast<double>(line.track.size()));
+    if (!(redundancy > 0.0)) continue;
+    for (const LineObservation& observation : line.track) {
+      const IdealView& view = views.Of(observation.image_id);
+      const auto ideal = view.ToIdeal(
+          state_.model().images.at(observation.image_id).lines2D[observation.line2D_idx].segment);
+      const auto image = view.Project(line.line);
+      if (!ideal || !image) continue;
+      for (const Eigen::Vector2d& end : {ideal->start, ideal->end})
+        distances_px.push_back(std::abs(image->dot(end.homogeneous())) / std::sqrt(redundancy));
+    }
+  }
+  if (distances_px.size() < kMinDistances) return;
+  const double line_sigma = Median(std::move(distances_px)) / 0.6745;
+  line_loss_scale_px_ = std::clamp(2.0 * line_sigma, 0.1, options_.filter.max_error_px);
 }
 
 std::vector<image_t> MapAdjuster::AdjustAll() {
@@ -245,12 +315,20 @@ std::vector<image_t> MapAdjuster::AdjustAll() {
     const size_t num_filtered = FilterAllPoints(options_.filter, &state_);
     report_.num_filtered += num_filtered;
     num_changed += num_filtered;
+    if (HasLines()) {
+      std::vector<line3D_t> lines;
+      for (const auto& [id, line] : model.lines3D) lines.push_back(id);
+      num_changed += UpdateLines({}, std::move(lines));
+    }
     const auto num_observations = static_cast<double>(NumObservations());
     if (static_cast<double>(num_changed) <=
         options_.global.max_refinement_change * num_observations)
       break;
   }
   state_.TakeModifiedPoints();
+  const Timer group_timer;
+  RebuildGroups(options_, &state_);
+  report_.group_seconds += group_timer.Seconds();
   std::vector<image_t> removed = FilterFrames(options_.filter, &state_);
   frames_at_global_ = model.frames.size();
   points_at_global_ = model.points3D.size();

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "holba/bundle/adjust_local.h"
 #include "holba/bundle/bundle_options.h"
 #include "holba/bundle/bundle_selection.h"
 #include "holba/sfm/mapper_options.h"
@@ -27,6 +28,9 @@ struct AdjustmentCounts {
 struct AdjustmentReport {
   AdjustmentCounts local, global;
   size_t num_filtered = 0, num_completed = 0, num_merged = 0, num_retriangulated = 0;
+  size_t num_lines_filtered = 0, num_lines_merged = 0, num_lines_continued = 0;
+  double group_seconds = 0.0;      // of groups made anew
+  size_t num_held_intrinsics = 0;  // adjustments that would have made a camera no lens is
 };
 
 // Carries what adjustments share from one to the next.
@@ -53,6 +57,12 @@ class MapAdjuster {
   std::vector<image_t> ImagesAround(const std::vector<image_t>& image_ids) const;
   void FreeIntrinsicsOf(BundleSelection* selection, const BundleOptions& bundle) const;
   void HoldExisting(BundleSelection* selection, const BundleOptions& bundle) const;
+  // Solves; where that makes intrinsics which no lens has, again without moving these.
+  LocalSummary Adjust(const BundleOptions& bundle, const SolverOptions& solver,
+                      BundleSelection* selection);
+  bool HasLines() const { return options_.structure >= MapperStructure::kLines; }
+  // Lines as their images have them after an adjustment; returns how many observations changed.
+  size_t UpdateLines(const std::vector<image_t>& image_ids, std::vector<line3D_t> line_ids);
   void MeasureNoise();
   size_t NumObservations() const;
 
@@ -62,7 +72,7 @@ class MapAdjuster {
   SolverWorkspace workspace_;
   AdjustmentReport report_;
   // Scale of the points' loss, px: two robust standard deviations of their residuals.
-  double loss_scale_px_ = 1.0;
+  double loss_scale_px_ = 1.0, line_loss_scale_px_ = 1.0;
   size_t frames_at_global_ = 0, points_at_global_ = 0;
 };
 

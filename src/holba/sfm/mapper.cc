@@ -11,6 +11,7 @@
 #include "holba/base/timer.h"
 #include "holba/sfm/filter_model.h"
 #include "holba/sfm/next_image.h"
+#include "holba/sfm/triangulate_lines.h"
 
 namespace holba {
 namespace {
@@ -29,8 +30,8 @@ class Mapper {
   // False: no pair of images begins a model.
   bool Begin(InitialPairReport* pairs) {
     const Timer timer;
-    // COLMAP's relaxation: half of the inliers, half of the angle, twice. Then walks straight ahead,
-    // with the smallest angle that points have anyway.
+    // COLMAP's relaxation: half of the inliers, half of the angle, twice. Then walks straight
+    // ahead, with the smallest angle that points have anyway.
     InitialPairOptions initial = options_.initial;
     for (int relaxation = 0; relaxation < 6; ++relaxation) {
       if (relaxation == 1 || relaxation == 3)
@@ -59,7 +60,7 @@ class Mapper {
   void Grow() {
     const Timer timer;
     bool is_last_chance = false;
-    while (!observer_.ShouldStop()) {
+    while (!observer_.ShouldStop() && !state_.model().images.empty()) {
       const std::optional<image_t> image_id = RegisterNext();
       if (!image_id) {
         if (is_last_chance && adjuster_.IsGlobalDone()) break;
@@ -75,7 +76,7 @@ class Mapper {
       if (adjuster_.IsGlobalDue()) AdjustAll();
       observer_.OnImage(state_, *image_id, Sentence(*image_id));
     }
-    if (!adjuster_.IsGlobalDone()) AdjustAll();
+    if (!adjuster_.IsGlobalDone() && !state_.model().images.empty()) AdjustAll();
     report_.total_seconds += timer.Seconds();
   }
 
@@ -95,6 +96,7 @@ class Mapper {
     // Two images know of every point no more than each other.
     triangulation.ignore_two_view_tracks = false;
     for (const image_t id : images) TriangulateImage(triangulation, id, &state_);
+    Triangulate(images);
     adjuster_.AdjustOnce();
     FilterAllPoints(options_.filter, &state_);
     state_.TakeModifiedPoints();
@@ -171,6 +173,11 @@ class Mapper {
     for (const image_t id : images)
       report_.points += TriangulateImage(options_.triangulation, id, &state_);
     Count("triangulation", timer);
+    if (options_.structure == MapperStructure::kNone) return;
+    const Timer line_timer;
+    for (const image_t id : images)
+      report_.lines += TriangulateLines(options_.structure_options.lines, id, &state_);
+    Count("lines", line_timer);
   }
 
   void AdjustAround(const std::vector<image_t>& images) {
@@ -226,23 +233,33 @@ MapResult MapImages(const MapperOptions& options, const SolverOptions& solver,
   MapObserver silent;
   if (observer == nullptr) observer = &silent;
   std::set<image_t> in_models;
-  std::set<ImagePair> tried_pairs;
+  std::set<ImagePair> failed_pairs;
   std::optional<MapperState> state;
   while (result.models.size() < static_cast<size_t>(options.max_num_models) &&
          !observer->ShouldStop()) {
     const bool is_first = result.models.empty();
     state.emplace(input, scene);
     state->images_of_earlier_models = in_models;
+    state->failed_initial_pairs = failed_pairs;
     Mapper mapper(options, solver, &*state, observer);
     if (scene.frames.empty() && !mapper.Begin(&result.initial_pairs)) break;
     mapper.Grow();
     const Reconstruction& model = state->model();
+    MapReport report = mapper.Report();
+    if (model.images.empty()) {
+      // It fell apart: the next pair may do better.
+      if (!scene.frames.empty()) break;
+      const auto [a, b] = std::minmax(report.initial_pair.image_id1, report.initial_pair.image_id2);
+      failed_pairs.insert({a, b});
+      ++result.initial_pairs.dropped["the model that it began fell apart"];
+      continue;
+    }
     size_t num_shared = 0;
     for (const auto& [id, image] : model.images) num_shared += in_models.contains(id);
     const size_t num_new = model.images.size() - num_shared;
     for (const auto& [id, image] : model.images) in_models.insert(id);
     const bool is_large = model.images.size() >= static_cast<size_t>(options.min_model_size);
-    if (is_first || is_large) result.models.push_back({model, mapper.Report()});
+    if (is_first || is_large) result.models.push_back({model, std::move(report)});
     if (!options.multiple_models || !scene.frames.empty() || num_new == 0) break;
     if (in_models.size() >= input.graph.image_ids().size()) break;
   }

@@ -15,6 +15,7 @@
 #include "holba/sfm/mapper_options.h"
 #include "holba/sfm/mapper_state.h"
 #include "holba/sfm/register_image.h"
+#include "holba/sfm/triangulate_lines.h"
 #include "holba/sfm/triangulate_points.h"
 
 namespace holba {
@@ -25,6 +26,7 @@ struct MapReport {
   size_t num_registered = 0, num_registered_without_structure = 0;
   size_t num_failed_registrations = 0;
   PointChanges points;  // of triangulation after registrations
+  LineChanges lines;
   AdjustmentReport adjustments;
   std::map<std::string, double> seconds;  // by stage
   double total_seconds = 0.0;

@@ -18,17 +18,15 @@ void MapperOptions::Describe(OptionTable* table) const {
                "Verified matches that a pair of images has at least to count.");
   table->Field("ignore_watermarks", &ignore_watermarks,
                "Whether pairs are left out whose matches were taken for a watermark.");
-  table
-      ->Field("multiple_models", &multiple_models,
-              "Whether images that do not register start further models.");
+  table->Field("multiple_models", &multiple_models,
+               "Whether images that do not register start further models.");
   table->Field("max_num_models", &max_num_models, AtLeast(1), "Models at most.");
   table->Field("max_model_overlap", &max_model_overlap, AtLeast(0),
                "A further model ends when it shares this many images with earlier ones.");
   table->Field("min_model_size", &min_model_size, AtLeast(2),
                "Images that a model has at least; the first one may have fewer.");
-  table
-      ->Field("fix_existing_frames", &fix_existing_frames,
-              "Whether the poses of --input_path stay as they are.");
+  table->Field("fix_existing_frames", &fix_existing_frames,
+               "Whether the poses of --input_path stay as they are.");
   table->Field("random_seed", &random_seed, AtLeast(0), "Seed of all samples.");
 
   table->Field("init_image_id1", &initial.image_id1, AtLeast(-1),

@@ -9,6 +9,7 @@
 #include "holba/base/options.h"
 #include "holba/estimation/pose/absolute_pose.h"
 #include "holba/scene/types.h"
+#include "holba/sfm/structure.h"
 
 namespace holba {
 
@@ -98,6 +99,8 @@ struct MapperOptions {
   FilterOptions filter;
   LocalAdjustmentOptions local;
   GlobalAdjustmentOptions global;
+  // Of lines and groups; `refine` has the same, so that the command describes them once.
+  StructureOptions structure_options;
 
   // Section "Mapper".
   void Describe(OptionTable* table) const;

@@ -76,6 +76,7 @@ class MapperState {
   std::map<image_t, int> num_registration_trials;  // failed ones
   std::map<image_t, int> num_initial_trials;       // as first image
   std::set<ImagePair> tried_initial_pairs;
+  std::set<ImagePair> failed_initial_pairs;  // models that began with them came to nothing
   std::map<ImagePair, int> num_retriangulations;
   std::set<image_t> images_of_earlier_models;
   std::set<frame_t> existing_frames;  // came with poses

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "holba/geometry/angle.h"
+#include "holba/group/known_types.h"
 #include "holba/sfm/filter_model.h"
 #include "holba/sfm/mapper_testing.h"
 #include "holba/sfm/refine_testing.h"
@@ -193,6 +194,67 @@ TEST(Mapper, AnImageWithoutMatchesIsLeftOutAndSaid) {
   EXPECT_EQ(result.models[0].model.images.size(), 7u);
   ASSERT_TRUE(result.left_out.contains(8));
   EXPECT_EQ(result.left_out.at(8), "no verified matches with any other image");
+}
+
+// Matches of segments of one edge.
+LineMatchMap RightMatches(const RefineScene& scene) {
+  LineMatchMap right;
+  for (const auto& [pair, matches] : scene.matches) {
+    const auto &edges1 = scene.house.edge_of_segment.at(pair.first),
+               &edges2 = scene.house.edge_of_segment.at(pair.second);
+    for (const LineMatch& match : matches) {
+      if (edges1[match.idx1] >= 0 && edges1[match.idx1] == edges2[match.idx2])
+        right[pair].push_back(match);
+    }
+  }
+  return right;
+}
+
+TEST(Mapper, LinesRegisterAnImageOfFewPointsAndAreWhereTheEdgesAre) {
+  const RefineScene scene = MakeRefineScene({.noise_px = 0.1, .num_clutter = 10});
+  const Reconstruction& truth = scene.house.model;
+  const MappingProblem problem = MakeMappingProblem(truth, {.poor = {4}, .num_matches_of_poor = 8},
+                                                    scene.house.features, RightMatches(scene));
+  MapperOptions options = WithIntrinsicsHeld();
+  const MapResult points = MapImages(options, Threads(2), problem.input, problem.scene, nullptr);
+  ASSERT_THAT(points.models, SizeIs(1));
+  EXPECT_FALSE(points.models[0].model.images.contains(4));
+
+  options.structure = MapperStructure::kLines;
+  const MapResult lines = MapImages(options, Threads(2), problem.input, problem.scene, nullptr);
+  const Reconstruction& model = lines.models[0].model;
+  EXPECT_EQ(model.FindInconsistency(), std::nullopt);
+  ASSERT_EQ(model.images.size(), truth.images.size());
+  EXPECT_LT(CompareRelativePoses(model, truth).rotation_deg, 0.1);
+  // Every line is of one edge, and has most of its segments.
+  size_t num_long = 0;
+  for (const auto& [id, line] : model.lines3D) {
+    std::set<int> edges;
+    for (const LineObservation& observation : line.track)
+      edges.insert(scene.house.edge_of_segment.at(observation.image_id)[observation.line2D_idx]);
+    EXPECT_EQ(edges.size(), 1u);
+    num_long += line.track.size() >= 6;
+  }
+  EXPECT_GE(num_long, scene.house.edges.size() / 2);
+}
+
+TEST(Mapper, GroupsFormWhileTheModelGrows) {
+  const RefineScene scene = MakeRefineScene({.noise_px = 0.1, .num_clutter = 10});
+  const MappingProblem problem =
+      MakeMappingProblem(scene.house.model, {}, scene.house.features, RightMatches(scene));
+  MapperOptions options = WithIntrinsicsHeld();
+  options.structure = MapperStructure::kHolistic;
+  const MapResult result = MapImages(options, Threads(2), problem.input, problem.scene, nullptr);
+  const Reconstruction& model = result.models.at(0).model;
+  EXPECT_EQ(model.FindInconsistency(), std::nullopt);
+  size_t num_vps = 0, num_planes = 0;
+  for (const auto& [id, group] : model.groups3D) {
+    num_vps += IsVanishingPoint(*group.type);
+    num_planes += IsPlane(*group.type);
+  }
+  EXPECT_EQ(num_vps, 3u);
+  EXPECT_EQ(num_planes, 3u);
+  EXPECT_LT(CompareRelativePoses(model, scene.house.model).rotation_deg, 0.05);
 }
 
 // Registers images at the truth and triangulates what they see.

@@ -25,10 +25,16 @@ struct MappingProblemOptions {
   bool focal_length_is_known = true;
   // Pairs that have no matches.
   std::set<std::pair<image_t, image_t>> unmatched;
+  // Images of few matches of points with each other image.
+  std::set<image_t> poor;
+  size_t num_matches_of_poor = 0;
 };
 
+// `features` and `line_matches`: segments (empty: none).
 inline MappingProblem MakeMappingProblem(const Reconstruction& truth,
-                                         const MappingProblemOptions& options = {}) {
+                                         const MappingProblemOptions& options = {},
+                                         const ImageFeatureMap& features = {},
+                                         const LineMatchMap& line_matches = {}) {
   MappingProblem problem;
   Random random(3);
   for (const auto& [id, camera] : truth.cameras) {
@@ -43,7 +49,13 @@ inline MappingProblem MakeMappingProblem(const Reconstruction& truth,
       if (image.points2D[idx].point3D_id != kNoId)
         problem.true_point[{id, idx}] = image.points2D[idx].point3D_id;
     }
-    builder.AddImage(id, image.points2D.size());
+    size_t num_segments = 0;
+    if (const auto found = features.find(id); found != features.end()) {
+      for (const LineSegment2d& segment : found->second.segments)
+        waiting.lines2D.push_back({segment, kNoId});
+      num_segments = found->second.segments.size();
+    }
+    builder.AddImage(id, image.points2D.size(), num_segments);
     problem.scene.AddUnregisteredImage(id, std::move(waiting));
   }
   std::map<ImagePair, PointMatches> matches;
@@ -55,7 +67,14 @@ inline MappingProblem MakeMappingProblem(const Reconstruction& truth,
       }
     }
   }
+  for (const auto& [pair, of_pair] : line_matches)
+    builder.AddLineMatches(pair.first, pair.second, of_pair);
+  problem.input.features = features;
   for (auto& [pair, of_pair] : matches) {
+    if ((options.poor.contains(pair.first) || options.poor.contains(pair.second)) &&
+        of_pair.size() > options.num_matches_of_poor)
+      of_pair.resize(options.num_matches_of_poor);
+    if (of_pair.empty()) continue;
     const size_t num1 = truth.images.at(pair.first).points2D.size(),
                  num2 = truth.images.at(pair.second).points2D.size();
     const auto num_wrong =
