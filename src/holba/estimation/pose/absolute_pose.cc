@@ -5,7 +5,8 @@
 #include <cmath>
 
 #include "holba/base/random.h"
-#include "holba/estimation/pose/focal_pose.h"
+#include "holba/estimation/pose/linear_pose.h"
+#include "holba/estimation/pose/minimal_poses.h"
 #include "holba/estimation/pose/pose_evidence.h"
 #include "holba/estimation/pose/pose_refinement.h"
 #include "holba/geometry/angle.h"
@@ -16,6 +17,7 @@ namespace holba {
 namespace {
 
 constexpr size_t kSampleSize = 3;
+constexpr size_t kMaxPairs = 1000;  // of directions
 // Samples are drawn so many times as often as samples without noise would have to be.
 constexpr double kTrialMultiplier = 3.0;
 constexpr int kLocalIterations = 12, kFinalIterations = 30;
@@ -53,15 +55,30 @@ class Search {
               std::sqrt(2.0) * options.abs_pose_max_error} {}
 
   std::optional<AbsolutePose> Run() {
-    if (matches_.points.size() < SampleSize()) return std::nullopt;
-    int needed = NumTrials(options_.abs_pose_min_inlier_ratio);
+    FindPairsOfDirections();
+    const bool from_features = matches_.points.size() + matches_.lines.size() >= SampleSize();
+    const bool from_directions =
+        !pairs_.empty() && (matches_.points.size() >= 2 || matches_.lines.size() >= 3 ||
+                            (matches_.points.size() == 1 && !matches_.lines.empty()));
+    if (!from_features && !from_directions) return std::nullopt;
+    const double least = options_.abs_pose_min_inlier_ratio;
+    shares_ = {least, least, least};
+    weights_ = {static_cast<double>(matches_.points.size()),
+                static_cast<double>(matches_.lines.size()), 0.0};
+    int needed = NumTrials(from_features, from_directions);
     int num_trials = 0;
     std::vector<PoseUnknowns> hypotheses;
     for (; num_trials < std::max(options_.abs_pose_min_num_trials, needed); ++num_trials) {
       hypotheses.clear();
-      Propose(&hypotheses);
+      if (from_directions && (num_trials % 2 == 0 || !from_features)) {
+        ProposeFromDirections(&hypotheses);
+      } else {
+        ProposeFromFeatures(&hypotheses);
+      }
       for (const PoseUnknowns& hypothesis : hypotheses) {
-        if (Consider(hypothesis)) needed = std::min(needed, NumTrials(ShareOfInliers()));
+        if (!Consider(hypothesis)) continue;
+        CountInliers();
+        needed = std::min(needed, NumTrials(from_features, from_directions));
       }
     }
     if (!(best_gain_ > 0.0)) return std::nullopt;
@@ -69,30 +86,102 @@ class Search {
   }
 
  private:
-  int NumTrials(double share) const {
+  size_t SampleSize() const { return focal_is_known_ ? kSampleSize : kSampleSize + 1; }
+
+  // Pairs of directions that make the same angle in the camera and in the world, and their
+  // rotations. With an unknown focal length the angle says nothing of a pair.
+  void FindPairsOfDirections() {
+    const auto& directions = matches_.directions;
+    std::vector<Eigen::Quaterniond> rotations;
+    for (uint32_t i = 0; i < directions.size(); ++i) {
+      for (uint32_t j = 0; j < i && pairs_.size() < kMaxPairs; ++j) {
+        rotations.clear();
+        if (focal_is_known_) {
+          SolveRotation(directions[i].direction_in_cam, directions[j].direction_in_cam,
+                        directions[i].direction_in_world, directions[j].direction_in_world,
+                        2.0 * max_noise_.directions, &rotations);
+          if (rotations.empty()) continue;
+        }
+        pairs_.push_back({{i, j}, rotations});
+      }
+    }
+  }
+
+  // So that with the confidence wanted one sample at least was all right, if shares_ of what
+  // samples are drawn from are right.
+  int NumTrials(bool from_features, bool from_directions) const {
+    const double sum = weights_.points + weights_.lines;
+    const double share =
+        sum > 0.0 ? (weights_.points * shares_.points + weights_.lines * shares_.lines) / sum : 0.0;
+    // Of a pair of directions, and of up to three features that give the translation.
+    const double by_directions =
+        from_directions ? shares_.directions * shares_.directions * share * share * share : 0.0;
+    const double by_features =
+        from_features ? std::pow(share, static_cast<double>(SampleSize())) : 0.0;
+    const double chance = from_features && from_directions ? 0.5 * (by_directions + by_features)
+                                                           : by_directions + by_features;
     const double needed =
-        kTrialMultiplier * NumSamplesNeeded(options_.abs_pose_confidence, share, SampleSize());
+        kTrialMultiplier * NumSamplesNeeded(options_.abs_pose_confidence, chance, 1);
     return static_cast<int>(
         std::clamp(std::ceil(needed), 1.0, static_cast<double>(options_.abs_pose_max_num_trials)));
   }
-  size_t SampleSize() const { return focal_is_known_ ? kSampleSize : kSampleSize + 1; }
 
-  void Propose(std::vector<PoseUnknowns>* hypotheses) {
+  // Adds a point or a line that is not there yet, by weights_.
+  void Draw(FewSightings* sample) {
+    const size_t points_left = matches_.points.size() - sample->points.size();
+    const size_t lines_left = matches_.lines.size() - sample->lines.size();
+    const bool is_point =
+        lines_left == 0 ||
+        (points_left > 0 &&
+         random_.Uniform() * (weights_.points + weights_.lines) < weights_.points);
+    std::vector<uint32_t>& drawn = is_point ? sample->points : sample->lines;
+    const size_t count = is_point ? matches_.points.size() : matches_.lines.size();
+    while (true) {
+      const auto i = static_cast<uint32_t>(random_.Index(count));
+      if (std::find(drawn.begin(), drawn.end(), i) != drawn.end()) continue;
+      drawn.push_back(i);
+      return;
+    }
+  }
+
+  FocalLengthRange FocalRange() const {
+    return {options_.abs_pose_min_focal_length_ratio, options_.abs_pose_max_focal_length_ratio};
+  }
+
+  void ProposeFromFeatures(std::vector<PoseUnknowns>* hypotheses) {
     FewSightings sample;
-    while (sample.points.size() < SampleSize()) {
-      const auto i = static_cast<uint32_t>(random_.Index(matches_.points.size()));
-      if (std::find(sample.points.begin(), sample.points.end(), i) == sample.points.end())
-        sample.points.push_back(i);
-    }
-    if (!focal_is_known_) {
-      return SolveWithFocalLength(
-          evidence_, sample,
-          {options_.abs_pose_min_focal_length_ratio, options_.abs_pose_max_focal_length_ratio},
-          hypotheses);
-    }
+    for (size_t k = 0; k < SampleSize(); ++k) Draw(&sample);
+    const Eigen::Quaterniond turn =
+        sample.lines.empty() ? Eigen::Quaterniond::Identity() : RandomTurn();
+    if (!focal_is_known_)
+      return SolveWithFocalLength(evidence_, sample, FocalRange(), turn, hypotheses);
+    const std::vector<double>& params = evidence_.camera().params;
     poses_.clear();
-    SolveThree(evidence_, evidence_.camera().params, sample, &poses_);
-    for (const Rigid3d& pose : poses_) hypotheses->push_back({pose, evidence_.camera().params});
+    SolveThree(evidence_, params, sample, turn, &poses_);
+    for (const Rigid3d& pose : poses_) hypotheses->push_back({pose, params});
+  }
+
+  void ProposeFromDirections(std::vector<PoseUnknowns>* hypotheses) {
+    FewSightings sample;
+    for (int k = 0; k < 3; ++k) {
+      const bool has_another = matches_.points.size() > sample.points.size() ||
+                               matches_.lines.size() > sample.lines.size();
+      if (has_another) Draw(&sample);
+      const size_t num_points = sample.points.size(), num_lines = sample.lines.size();
+      if (num_points == 2 || (num_points == 1 && num_lines > 0)) break;
+    }
+    const PairOfDirections& pair = pairs_[random_.Index(pairs_.size())];
+    if (!focal_is_known_) {
+      return SolveDirectionsWithFocalLength(evidence_, pair.directions, sample, FocalRange(),
+                                            hypotheses);
+    }
+    for (const Eigen::Quaterniond& rotation : pair.rotations)
+      SolveWithRotation(evidence_, evidence_.camera().params, rotation, sample, hypotheses);
+  }
+
+  Eigen::Quaterniond RandomTurn() {
+    const double w = random_.Normal(), x = random_.Normal(), y = random_.Normal();
+    return Eigen::Quaterniond(w, x, y, random_.Normal()).normalized();
   }
 
   double GainOf(const PoseUnknowns& at, double to_beat) const {
@@ -124,14 +213,22 @@ class Search {
            ratio <= options_.abs_pose_max_focal_length_ratio;
   }
 
-  double ShareOfInliers() const {
+  // Samples are drawn from the kinds as the best pose's inliers are spread over them, with one
+  // more of each, so that no kind is given up.
+  void CountInliers() {
     ForEachKind<std::vector<double>> squared;
     evidence_.SquaredErrors(best_.cam_from_world, best_.params, &squared);
-    const double limit = options_.abs_pose_max_error * options_.abs_pose_max_error;
-    const auto count = std::count_if(squared.points.begin(), squared.points.end(),
-                                     [&](double e2) { return e2 <= limit; });
-    return std::max(static_cast<double>(count) / static_cast<double>(squared.points.size()),
-                    options_.abs_pose_min_inlier_ratio);
+    const auto count = [&](const std::vector<double>& errors, double limit, double* share) {
+      const double num_inliers = static_cast<double>(std::count_if(
+          errors.begin(), errors.end(), [&](double e2) { return e2 <= limit * limit; }));
+      if (errors.empty()) return 0.0;
+      *share = std::max(num_inliers / static_cast<double>(errors.size()),
+                        options_.abs_pose_min_inlier_ratio);
+      return num_inliers + 1.0;
+    };
+    weights_.points = count(squared.points, max_noise_.points, &shares_.points);
+    weights_.lines = count(squared.lines, max_noise_.lines, &shares_.lines);
+    count(squared.directions, max_noise_.directions, &shares_.directions);
   }
 
   std::optional<AbsolutePose> Finish(int num_trials) {
@@ -226,6 +323,13 @@ class Search {
   ForEachKind<double> max_noise_;     // largest errors of inliers: pixels, pixels, radians
   ForEachKind<double> search_noise_;  // pixels; of directions as many radians as count like one
   Gain gain_;                         // of errors in units of search_noise_
+  struct PairOfDirections {
+    std::pair<uint32_t, uint32_t> directions;
+    std::vector<Eigen::Quaterniond> rotations;  // for a known focal length
+  };
+  std::vector<PairOfDirections> pairs_;
+  // What samples are drawn by, and the shares that are right: of the best pose so far.
+  ForEachKind<double> weights_, shares_;
   std::vector<Rigid3d> poses_;
   double best_hypothesis_gain_ = 0.0, best_gain_ = 0.0;
   PoseUnknowns best_;

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "holba/estimation/pose/pose_testing.h"
+#include "holba/estimation/pose/sighting_errors.h"
 
 namespace holba {
 namespace {
@@ -59,6 +60,85 @@ INSTANTIATE_TEST_SUITE_P(Cameras, EveryCamera,
                          testing::Values("PINHOLE", "SIMPLE_RADIAL", "OPENCV", "OPENCV_FISHEYE",
                                          "EQUIRECTANGULAR"),
                          [](const auto& info) { return info.param; });
+
+struct Mix {
+  const char* name;
+  size_t num_points, num_lines, num_directions;
+};
+
+class EveryMix : public testing::TestWithParam<Mix> {
+ public:
+  static TestViewOptions View(uint64_t seed) {
+    const Mix mix = GetParam();
+    TestViewOptions options;
+    options.num_points = options.num_wrong_points = mix.num_points;
+    options.num_lines = options.num_wrong_lines = mix.num_lines;
+    options.num_directions = options.num_wrong_directions = mix.num_directions;
+    options.noise_px = 0.5;
+    options.direction_noise_rad = 0.003;
+    options.seed = seed;
+    return options;
+  }
+};
+
+TEST_P(EveryMix, PoseIsFoundWithHalfOfEachKindWrong) {
+  for (const char* camera : {"PINHOLE", "OPENCV"}) {
+    for (uint64_t seed = 0; seed < 10; ++seed) {
+      TestViewOptions options = View(seed);
+      options.camera = camera;
+      const TestView view = MakeTestView(options);
+      const auto pose = EstimateAbsolutePose(Options(5), view.camera, true, view.matches, seed);
+      ASSERT_TRUE(pose) << camera << seed;
+      EXPECT_LT(PoseRotationErrorDeg(pose->cam_from_world, view.cam_from_world), 1.0) << seed;
+      EXPECT_LT(CentreError(pose->cam_from_world, view.cam_from_world), 0.2) << seed;
+      EXPECT_GE(NumRight(pose->inliers.lines, options.num_lines) + 2, options.num_lines);
+      EXPECT_GE(NumRight(pose->inliers.directions, options.num_directions) + 1,
+                options.num_directions);
+    }
+  }
+}
+
+TEST_P(EveryMix, FocalLengthIsFoundWithHalfOfEachKindWrong) {
+  for (uint64_t seed = 0; seed < 5; ++seed) {
+    TestViewOptions options = View(seed);
+    options.noise_px = 0.2;
+    options.direction_noise_rad = 0.001;
+    options.camera = "SIMPLE_RADIAL";
+    TestView view = MakeTestView(options);
+    const double truth = view.camera.params[0];
+    const IdealCalibration given = view.camera.model->ideal_calibration(view.camera.params.data());
+    view.camera.params[0] *= 1.7;
+    for (DirectionSighting& direction : view.matches.directions) {
+      direction.direction_in_cam =
+          UnderCalibration(direction.direction_in_cam, given,
+                           view.camera.model->ideal_calibration(view.camera.params.data()));
+    }
+    const auto pose = EstimateAbsolutePose(Options(5), view.camera, false, view.matches, seed);
+    ASSERT_TRUE(pose) << seed;
+    EXPECT_NEAR(pose->params[0] / truth, 1.0, 0.05) << seed;
+    EXPECT_LT(PoseRotationErrorDeg(pose->cam_from_world, view.cam_from_world), 2.0) << seed;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Mixes, EveryMix,
+                         testing::Values(Mix{"TenPointsTenLines", 10, 10, 0},
+                                         Mix{"TwoPointsTwentyLines", 2, 20, 0},
+                                         Mix{"TwentyLines", 0, 20, 0},
+                                         Mix{"EightPointsThreeDirections", 8, 0, 3},
+                                         Mix{"TenLinesThreeDirections", 0, 10, 3},
+                                         Mix{"FourPointsSixLinesThreeDirections", 4, 6, 3}),
+                         [](const auto& info) { return std::string(info.param.name); });
+
+TEST(EstimateAbsolutePose, ADirectionCountsWithEitherSign) {
+  TestView view = MakeTestView({.num_points = 20, .num_directions = 3});
+  const auto pose = EstimateAbsolutePose(Options(), view.camera, true, view.matches, 1);
+  for (DirectionSighting& direction : view.matches.directions) direction.direction_in_cam *= -1.0;
+  const auto turned = EstimateAbsolutePose(Options(), view.camera, true, view.matches, 1);
+  ASSERT_TRUE(pose && turned);
+  EXPECT_EQ(pose->num_inliers.directions, 3u);
+  EXPECT_EQ(turned->num_inliers.directions, 3u);
+  EXPECT_LT(CentreError(pose->cam_from_world, turned->cam_from_world), 1e-6);
+}
 
 TEST(EstimateAbsolutePose, UnknownFocalLengthIsFoundFromAnyStart) {
   for (const char* model : {"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "OPENCV_FISHEYE"}) {
