@@ -67,6 +67,7 @@ nlohmann::json MapToJson(const MapOutput& output) {
                       {"failed_registrations", map.num_failed_registrations},
                       {"points_created", map.points.created},
                       {"observations_continued", map.points.continued},
+                      {"group_seconds", map.adjustments.group_seconds},
                       {"observations_filtered", map.adjustments.num_filtered},
                       {"local", ToJson(map.adjustments.local)},
                       {"global", ToJson(map.adjustments.global)},

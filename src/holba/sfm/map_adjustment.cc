@@ -57,9 +57,8 @@ MapAdjuster::MapAdjuster(const MapperOptions& options, const SolverOptions& solv
     : options_(options), local_solver_(solver), global_solver_(solver), state_(*state) {
   local_solver_.max_num_iterations = options.local.max_num_iterations;
   global_solver_.max_num_iterations = options.global.max_num_iterations;
-  // The next image moves all of it again by far more.
-  local_solver_.function_tolerance = std::max(local_solver_.function_tolerance, 1e-4);
-  global_solver_.function_tolerance = std::max(global_solver_.function_tolerance, 1e-5);
+  local_solver_.function_tolerance = options.local.function_tolerance;
+  global_solver_.function_tolerance = options.global.function_tolerance;
 }
 
 BundleOptions MapAdjuster::Bundle() const {
@@ -326,9 +325,13 @@ std::vector<image_t> MapAdjuster::AdjustAll() {
       break;
   }
   state_.TakeModifiedPoints();
-  const Timer group_timer;
-  RebuildGroups(options_, &state_);
-  report_.group_seconds += group_timer.Seconds();
+  if (static_cast<double>(model.frames.size()) >=
+      options_.global.groups_ratio * static_cast<double>(frames_at_groups_)) {
+    const Timer group_timer;
+    RebuildGroups(options_, &state_);
+    report_.group_seconds += group_timer.Seconds();
+    frames_at_groups_ = model.frames.size();
+  }
   std::vector<image_t> removed = FilterFrames(options_.filter, &state_);
   frames_at_global_ = model.frames.size();
   points_at_global_ = model.points3D.size();

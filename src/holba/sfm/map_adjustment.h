@@ -73,7 +73,7 @@ class MapAdjuster {
   AdjustmentReport report_;
   // Scale of the points' loss, px: two robust standard deviations of their residuals.
   double loss_scale_px_ = 1.0, line_loss_scale_px_ = 1.0;
-  size_t frames_at_global_ = 0, points_at_global_ = 0;
+  size_t frames_at_global_ = 0, points_at_global_ = 0, frames_at_groups_ = 0;
 };
 
 }  // namespace holba

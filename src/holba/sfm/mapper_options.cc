@@ -93,6 +93,8 @@ void MapperOptions::Describe(OptionTable* table) const {
                "Images that are adjusted after each registration, with the new one.");
   table->Field("ba_local_max_num_iterations", &local.max_num_iterations, AtLeast(1),
                "Iterations of a local adjustment at most.");
+  table->Field("ba_local_function_tolerance", &local.function_tolerance, AtLeast(0),
+               "Relative change of the cost that ends a local adjustment.");
   table->Field("ba_local_max_refinements", &local.max_refinements, AtLeast(1),
                "Local adjustments after a registration, each with merging, completion and filter.");
   table->Field("ba_local_max_refinement_change", &local.max_refinement_change, AtLeast(0),
@@ -107,6 +109,11 @@ void MapperOptions::Describe(OptionTable* table) const {
                "Number of new points that calls for a global adjustment.");
   table->Field("ba_global_max_num_iterations", &global.max_num_iterations, AtLeast(1),
                "Iterations of a global adjustment at most.");
+  table->Field("ba_global_function_tolerance", &global.function_tolerance, AtLeast(0),
+               "Relative change of the cost that ends a global adjustment.");
+  table->Field("groups_ratio", &global.groups_ratio, AtLeast(1),
+               "Growth of the number of images that calls for forming groups anew; in between new "
+               "features join those that are there.");
   table->Field("ba_global_max_refinements", &global.max_refinements, AtLeast(1),
                "Global adjustments in a row, each with merging, completion and filter.");
   table->Field("ba_global_max_refinement_change", &global.max_refinement_change, AtLeast(0),

@@ -66,6 +66,8 @@ struct FilterOptions {
 struct LocalAdjustmentOptions {
   int num_images = 6;  // with the new one
   int max_num_iterations = 25;
+  // Relative change of the cost that ends an adjustment: the next image moves all of it by more.
+  double function_tolerance = 1e-3;
   int max_refinements = 2;               // adjust, merge, complete, filter
   double max_refinement_change = 0.001;  // share of observations; smaller changes end it
 };
@@ -75,11 +77,14 @@ struct GlobalAdjustmentOptions {
   double frames_ratio = 1.1, points_ratio = 1.1;
   int frames_freq = 500, points_freq = 250000;
   int max_num_iterations = 50;
+  double function_tolerance = 1e-4;
   int max_refinements = 5;
   double max_refinement_change = 0.0005;
   bool refine_focal_length = true;
   bool refine_principal_point = false;
   bool refine_extra_params = true;
+  // Growth of the number of images since groups were formed that calls for forming them anew.
+  double groups_ratio = 1.3;
 };
 
 struct MapperOptions {

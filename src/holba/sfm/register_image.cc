@@ -13,6 +13,7 @@
 #include "holba/estimation/two_view/two_view_estimation.h"
 #include "holba/estimation/two_view/two_view_refinement.h"
 #include "holba/geometry/angle.h"
+#include "holba/group/known_types.h"
 #include "holba/sfm/filter_model.h"
 
 namespace holba {
@@ -54,6 +55,16 @@ ModelMatches FindModelMatches(image_t image_id, const MapperState& state) {
       matches.lines.emplace_back(idx, id);
       matches.sightings.lines.push_back({image.lines2D[idx].segment, model.lines3D.at(id).line});
     }
+  }
+  // Which vanishing point of the model an image's is, its matches of lines do not say surely: any
+  // may be any.
+  const auto features = state.input().features.find(image_id);
+  if (features == state.input().features.end()) return matches;
+  for (const auto& [id, group] : model.groups3D) {
+    if (!IsVanishingPoint(*group.type)) continue;
+    const Eigen::Vector3d in_world = Eigen::Vector3d(group.params.data()).normalized();
+    for (const ImageVanishingPoint& vp : features->second.vanishing_points)
+      matches.sightings.directions.push_back({vp.direction_in_cam, in_world});
   }
   return matches;
 }
