@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// holba inspect: what a database holds.
+// holba inspect: what a database holds, in numbers and as a picture.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -9,9 +9,13 @@
 #include <string>
 
 #include "apps/command.h"
+#include "holba/base/error.h"
 #include "holba/base/file_faults.h"
 #include "holba/base/words.h"
 #include "holba/io/database.h"
+#if defined(HOLBA_WITH_FRONTEND)
+#include "holba/pipeline/database_pictures.h"
+#endif
 
 namespace holba {
 namespace {
@@ -111,27 +115,67 @@ class InspectJob : public Job {
  public:
   void Describe(OptionTable* table) const override {
     table->Field("database_path", &database_path_, "COLMAP database.").Required();
+#if defined(HOLBA_WITH_FRONTEND)
+    table->Field("image_names", &image_names_,
+                 "One image, or two with a comma between them, that a picture is made of.");
+    table->Field("picture_path", &picture_path_,
+                 "Picture (png, jpg) of what the images hold and, of two, their matches.");
+    table->Field("image_path", &image_path_,
+                 "Folder of the photographs; empty: the picture is drawn on white.");
+    table->Field("picture_size", &picture_size_, Between(100, 10000),
+                 "Longer side in pixels of each image in the picture.");
+#endif
   }
 
-  void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
+  void ProbeOutputs(const Invocation&) const override {
+#if defined(HOLBA_WITH_FRONTEND)
+    if (image_names_.empty() != picture_path_.empty()) {
+      throw InputError(
+          "a picture needs both --image_names and --picture_path; give both or neither");
+    }
+    if (!picture_path_.empty()) ProbePicture(picture_path_);
+#endif
+    ProbeResult();
+  }
 
   void Run(const Invocation& invocation) override {
     // A Database would make one.
     if (!std::filesystem::exists(database_path_)) throw NoSuchFile(database_path_);
     if (!std::filesystem::is_regular_file(database_path_)) throw FileIsWanted(database_path_);
-    const DatabaseSummary summary = Database(database_path_).Summarise();
+    const Database database(database_path_);
+#if defined(HOLBA_WITH_FRONTEND)
+    if (!picture_path_.empty()) {
+      std::optional<std::filesystem::path> folder;
+      if (!image_path_.empty()) folder = image_path_;
+      if (folder && !std::filesystem::is_directory(*folder))
+        throw NoSuchFolder(*folder, "--image_path");
+      WritePicture(
+          DrawDatabaseImages(database, NamedImages(database, image_names_), folder, picture_size_),
+          picture_path_);
+    }
+#endif
+    const DatabaseSummary summary = database.Summarise();
     PrintResult(invocation.json ? ToJson(summary).dump(2) + "\n" : ToText(summary));
   }
 
  private:
   std::string database_path_;
+#if defined(HOLBA_WITH_FRONTEND)
+  std::string image_names_, picture_path_, image_path_;
+  int picture_size_ = 1000;
+#endif
 };
 
 }  // namespace
 
 Command InspectCommand() {
   return {.name = "inspect",
-          .summary = "What a database holds: cameras, images, features, pairs",
+          .summary = "What a database holds: cameras, images, features, pairs; as a picture, too",
+          .details =
+              "Prints what any COLMAP database holds. With --image_names a.jpg,b.jpg and "
+              "--picture_path it also draws these\n"
+              "images side by side: points, segments and corners, inliers, rejected "
+              "matches, matched segments.",
           .supports_json = true,
           .make_job = [] { return std::make_unique<InspectJob>(); }};
 }

@@ -114,7 +114,7 @@ class MatchJob : public Job {
   std::string database_path_;
   PairListOptions pairs_;
   MatchPointsOptions matching_;
-  LineMatchingOptions segments_;
+  LineMatchingOptions segments_ = {.num_near_points = kNearPointsWithoutPoses};
 };
 
 }  // namespace

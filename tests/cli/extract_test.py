@@ -48,6 +48,22 @@ class Extract(Case):
         self.assertEqual(again["kept"], 3)
         self.assertIn("3 images, 3 cameras", self.succeeds("inspect", "--database_path", database))
 
+    def test_inspect_draws_two_images_side_by_side(self):
+        database = self.folder / "database.db"
+        self.succeeds(*self.extract(database))
+        self.succeeds("match", "--database_path", database)
+        picture = self.folder / "pictures" / "a.png"
+        ask = ["inspect", "--database_path", database, "--image_names", "a.ppm,sub/c.pgm"]
+        self.succeeds(*ask, "--image_path", self.photographs, "--picture_path", picture)
+        data = picture.read_bytes()
+        self.assertEqual(data[:8], b"\x89PNG\r\n\x1a\n")
+        self.assertEqual(int.from_bytes(data[16:20], "big"), 2 * 120 + 6)
+        self.assertIn("give both or neither", self.refuses(*ask))
+        self.assertIn("must end in .png", self.refuses(*ask, "--picture_path", self.folder / "a.gif"))
+        ask[-1] = "a.ppm,d.pgm"
+        self.assertIn("no image 'd.pgm'; see", self.refuses(*ask, "--picture_path", picture))
+        self.assertEqual(picture.read_bytes(), data)
+
     def test_names_what_is_missing(self):
         self.assertIn("no such file", self.refuses("inspect", "--database_path", self.folder / "no"))
         self.assertIn("make it with 'holba extract'",

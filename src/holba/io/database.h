@@ -166,8 +166,11 @@ class Database {
   // replaces what was there, with whatever settings.
   std::optional<std::vector<LineSegment2d>> ReadSegments(image_t image_id,
                                                          const std::string& settings) const;
-  // Those of the stored segments; empty: there are none.
+  // Those of what is stored, to read it however it was made; empty: there is nothing.
   std::optional<std::string> ReadSegmentSettings(image_t image_id) const;
+  std::optional<std::string> ReadCornerSettings(image_t image_id) const;
+  std::optional<std::string> ReadVanishingPointSettings(image_t image_id) const;
+  std::optional<std::string> ReadLineMatchSettings(image_t image_id1, image_t image_id2) const;
   // What belongs to the old segments (descriptors, vanishing points, line matches) is removed.
   void WriteSegments(image_t image_id, const std::string& settings,
                      const std::vector<LineSegment2d>& segments);
@@ -235,6 +238,8 @@ class Database {
                                             const std::map<image_t, DatabaseImage>& images);
   image_t InsertImage(std::optional<image_t> image_id, const DatabaseImage& image);
   std::vector<ImagePair> Pairs(const char* table, size_t min_rows) const;
+  // `key`: the condition of the row, "image_id = 3".
+  std::optional<std::string> StoredSettings(const char* table, const std::string& key) const;
   // Number of rows of an image in `table`; empty: no such row.
   std::optional<size_t> NumRows(const char* table, image_t image_id) const;
   void CheckMatches(const char* table, image_t id1, image_t id2, const PointMatches& matches) const;

@@ -24,13 +24,14 @@ constexpr size_t kGroupSize = 64;
 
 struct SegmentedImage {
   Camera camera;
+  bool is_calibrated = false;  // its focal length is known
   Keypoints keypoints;
   MatchableSegments segments;
 };
 
 // Empty: no segments, or none that are described.
 std::optional<SegmentedImage> ReadImage(const Database& database, image_t id,
-                                        const Camera& camera) {
+                                        const DatabaseCamera& camera) {
   const auto settings = database.ReadSegmentSettings(id);
   if (!settings) return std::nullopt;
   ImageFeatures features;
@@ -40,25 +41,45 @@ std::optional<SegmentedImage> ReadImage(const Database& database, image_t id,
   if (!segments || segments->empty() || !descriptors || !keypoints) return std::nullopt;
   features.segments = std::move(*segments);
   features.segment_descriptors = std::move(*descriptors);
-  return SegmentedImage{camera, std::move(*keypoints), MakeMatchable(features, camera)};
+  return SegmentedImage{camera.camera, camera.has_prior_focal_length, std::move(*keypoints),
+                        MakeMatchable(features, camera.camera)};
+}
+
+// x2' F x1 = 0, of ideal pixels or of the pixels as they are.
+struct Epipolar {
+  std::optional<Eigen::Matrix3d> F;  // empty: not known, or the cameras do not move
+  bool of_ideal_pixels = true;
+};
+
+Epipolar EpipolarOf(const TwoViewGeometry& geometry, const SegmentedImage& image1,
+                    const SegmentedImage& image2) {
+  const auto of_essential = [&](const Eigen::Matrix3d& E) {
+    return Epipolar{CalibrationMatrix(image2.camera).inverse().transpose() * E *
+                    CalibrationMatrix(image1.camera).inverse()};
+  };
+  if (geometry.cam2_from_cam1) {
+    if (geometry.cam2_from_cam1->translation.isZero(0.0)) return {};
+    return of_essential(EssentialMatrix(*geometry.cam2_from_cam1));
+  }
+  if (geometry.config != TwoViewConfig::kUncalibrated) return {};
+  if (image1.is_calibrated && image2.is_calibrated)
+    return geometry.E ? of_essential(*geometry.E) : Epipolar{};
+  return {geometry.F, false};
+}
+
+// The same segments, their geometry that of the pixels as they are.
+MatchableSegments OfPixelsAsTheyAre(MatchableSegments segments) {
+  segments.ideal.assign(segments.segments.begin(), segments.segments.end());
+  return segments;
 }
 
 struct PairTask {
   ImagePair pair;
   std::vector<SharedPoint> points;
-  std::optional<Eigen::Matrix3d> F;  // of ideal pixels
+  Epipolar epipolar;
   std::string settings;
   std::vector<LineMatch> matches;
 };
-
-// Of a pair whose relative pose is known and moves.
-std::optional<Eigen::Matrix3d> FundamentalOf(const TwoViewGeometry& geometry, const Camera& camera1,
-                                             const Camera& camera2) {
-  if (!geometry.cam2_from_cam1 || geometry.cam2_from_cam1->translation.isZero(0.0))
-    return std::nullopt;
-  return CalibrationMatrix(camera2).inverse().transpose() *
-         EssentialMatrix(*geometry.cam2_from_cam1) * CalibrationMatrix(camera1).inverse();
-}
 
 void Take(const ImagePair& pair, const std::vector<LineMatch>& matches, MatchSegmentsReport* report,
           LineMatchMap* found) {
@@ -78,12 +99,12 @@ MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
   const auto cameras = database->ReadCameras();
   std::map<image_t, SegmentedImage> images;
   for (const auto& [id, image] : database->ReadImages()) {
-    if (auto read = ReadImage(*database, id, cameras.at(image.camera_id).camera))
+    if (auto read = ReadImage(*database, id, cameras.at(image.camera_id)))
       images.emplace(id, std::move(*read));
   }
   const std::vector<ImagePair> verified_list = database->VerifiedPairs(1);
   const std::set<ImagePair> verified(verified_list.begin(), verified_list.end());
-  const std::string text = SettingsText("matching by points 1", options);
+  const std::string text = SettingsText("matching by points 2", options);
 
   for (size_t begin = 0; begin < pairs.size(); begin += kGroupSize) {
     std::vector<PairTask> tasks;
@@ -100,10 +121,11 @@ MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
                                  image2->second.keypoints.Position(idx2));
       }
       static_assert(sizeof(SharedPoint) == 4 * sizeof(double));
-      task.F = FundamentalOf(*geometry, image1->second.camera, image2->second.camera);
+      task.epipolar = EpipolarOf(*geometry, image1->second, image2->second);
+      const auto& F = task.epipolar.F;
       task.settings =
           fmt::format("{} geometry={:016x} points={:016x} cameras={}, {}", text,
-                      task.F ? HashBytes(task.F->data(), 9 * sizeof(double)) : kEmptyHash,
+                      F ? HashBytes(F->data(), 9 * sizeof(double)) : kEmptyHash,
                       HashBytes(task.points.data(), task.points.size() * sizeof(SharedPoint)),
                       ToString(image1->second.camera), ToString(image2->second.camera));
       if (const auto stored = database->ReadLineMatches(id1, id2, task.settings)) {
@@ -115,8 +137,13 @@ MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
     }
     ParallelTasks(num_threads, tasks.size(), [&](size_t i) {
       PairTask& task = tasks[i];
-      task.matches = MatchSegments(options, images.at(task.pair.first).segments,
-                                   images.at(task.pair.second).segments, task.points, task.F);
+      const MatchableSegments &segments1 = images.at(task.pair.first).segments,
+                              &segments2 = images.at(task.pair.second).segments;
+      task.matches =
+          task.epipolar.of_ideal_pixels
+              ? MatchSegments(options, segments1, segments2, task.points, task.epipolar.F)
+              : MatchSegments(options, OfPixelsAsTheyAre(segments1), OfPixelsAsTheyAre(segments2),
+                              task.points, task.epipolar.F);
     });
     if (tasks.empty()) continue;
     Database::Transaction transaction(database);

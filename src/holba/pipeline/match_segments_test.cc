@@ -80,6 +80,35 @@ TEST_F(MatchSegmentsTest, ASecondRunReusesThem) {
   EXPECT_EQ(MatchSegmentsOfPairs({}, {{1, 2}}, 1, &database).pairs_reused, 0u);
 }
 
+TEST_F(MatchSegmentsTest, TheEssentialMatrixDecidesWhereCalibrationsAreKnownElseTheFundamental) {
+  Database database(folder_ / "database.db");
+  const auto num_matches = [&](const TwoViewGeometry& geometry) {
+    database.WriteTwoViewGeometry(1, 2, geometry);
+    return MatchSegmentsOfPairs({}, {{1, 2}}, 1, &database).num_matches;
+  };
+  TwoViewGeometry geometry = *database.ReadTwoViewGeometry(1, 2);
+  const size_t without = num_matches(geometry);
+  // Matches lie 200 pixels lower: no segment can match; along the rows: all can.
+  const auto level = [](double lower) {
+    Eigen::Matrix3d F = Eigen::Matrix3d::Zero();
+    F(1, 2) = -1.0;
+    F(2, 1) = 1.0;
+    F(2, 2) = lower;
+    return F;
+  };
+  geometry.config = TwoViewConfig::kUncalibrated;
+  geometry.F = level(200.0);
+  EXPECT_EQ(num_matches(geometry), without);  // the cameras are calibrated, and there is no E
+  geometry.E = level(200.0 / 700.0);
+  EXPECT_EQ(num_matches(geometry), 0u);
+  geometry.E = level(0.0);
+  EXPECT_EQ(num_matches(geometry), without);
+  database.Execute("UPDATE cameras SET prior_focal_length = 0");
+  EXPECT_EQ(num_matches(geometry), 0u);
+  geometry.F = level(0.0);
+  EXPECT_EQ(num_matches(geometry), without);
+}
+
 TEST_F(MatchSegmentsTest, PairsWithoutGeometryOrSegmentsAreLeftOut) {
   Database database(folder_ / "database.db");
   database.AddImage(3, {"3.jpg", 1});

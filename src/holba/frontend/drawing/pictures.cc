@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <unordered_map>
 #include <unordered_set>
@@ -12,17 +11,13 @@
 #include <vector>
 
 #include "holba/base/check.h"
+#include "holba/frontend/drawing/canvas.h"
 #include "holba/geometry/angle.h"
 #include "holba/group/known_types.h"
 
 namespace holba {
 namespace {
 
-// Told apart also beside each other and on grey.
-constexpr Rgb kPalette[] = {{222, 40, 48},  {30, 110, 220}, {26, 160, 70},  {245, 140, 20},
-                            {150, 50, 190}, {0, 175, 190},  {225, 60, 170}, {150, 105, 30},
-                            {115, 190, 20}, {60, 60, 150},  {240, 195, 0},  {240, 120, 120}};
-constexpr size_t kPaletteSize = std::size(kPalette);
 constexpr Rgb kGrey = {100, 100, 100}, kBlack = {30, 30, 30}, kWhite = {255, 255, 255},
               kPale = {215, 215, 215};
 constexpr double kSegmentWidth = 1.8, kFaintWidth = 0.6, kFaintOpacity = 0.5;
@@ -35,17 +30,6 @@ constexpr double kMaxVerticalPlaneCosine = 0.34;
 // bounds of it as parts of the picture's diagonal.
 constexpr double kMaxRegionEdge = 5.0, kMinRegionEdgePart = 0.045, kMaxRegionEdgePart = 0.09;
 constexpr double kRegionOpacity = 0.45;
-constexpr int kShift = 4;  // positions in sixteenths of a pixel
-
-cv::Scalar ToScalar(const Rgb& rgb) { return {double(rgb[0]), double(rgb[1]), double(rgb[2])}; }
-
-Rgb PaletteColour(size_t index) {
-  // Later rounds are darker.
-  const double scale = std::max(0.4, 1.0 - 0.25 * static_cast<double>(index / kPaletteSize));
-  Rgb colour = kPalette[index % kPaletteSize];
-  for (uint8_t& channel : colour) channel = static_cast<uint8_t>(std::lround(scale * channel));
-  return colour;
-}
 
 bool IsVp(const Group3D& group) { return group.type->IsParallelism(); }
 
@@ -74,95 +58,6 @@ Rgb ColourOr(const std::unordered_map<line3D_t, Rgb>& colours, line3D_t id, cons
   const auto found = colours.find(id);
   return found == colours.end() ? other : found->second;
 }
-
-// A picture that is drawn on, with antialiasing, in units of its pixels (COLMAP's: the centre of
-// the first is 0.5). Kept at a multiple of its size, so that thin lines and small dots are smooth;
-// where nothing is drawn a photograph stays exactly as it is.
-class Canvas {
- public:
-  Canvas(int width, int height)
-      : width_(width),
-        height_(height),
-        pixels_(kFineness * height, kFineness * width, CV_8UC3, cv::Scalar(255, 255, 255)) {}
-  explicit Canvas(const ColourImage& photograph) : Canvas(photograph.width, photograph.height) {
-    cv::Mat pale(height_, width_, CV_8UC3);
-    for (size_t i = 0; i + 2 < photograph.pixels.size(); i += 3) {
-      const uint8_t* rgb = &photograph.pixels[i];
-      const int grey = (299 * rgb[0] + 587 * rgb[1] + 114 * rgb[2]) / 1000;
-      for (int k = 0; k < 3; ++k) {
-        // Half as colourful, two thirds as dark.
-        pale.data[i + k] = static_cast<uint8_t>(255 - (255 - (grey + rgb[k]) / 2) * 2 / 3);
-      }
-    }
-    if (!pale.empty()) cv::resize(pale, pixels_, pixels_.size(), 0, 0, cv::INTER_NEAREST);
-  }
-
-  double Diagonal() const { return std::hypot(width_, height_); }
-  // Not so far outside that it cannot be meant.
-  bool IsNear(const Eigen::Vector2d& p) const {
-    return p.allFinite() && p.cwiseAbs().maxCoeff() < 2.0 * Diagonal();
-  }
-
-  // Widths and radii are those on a picture of 1000 pixels' diagonal.
-  void Line(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Rgb& colour, double width) {
-    if (!Drawable(a) || !Drawable(b)) return;
-    cv::line(pixels_, ToPoint(a), ToPoint(b), ToScalar(colour), Width(width), cv::LINE_AA, kShift);
-  }
-  void Dot(const Eigen::Vector2d& centre, const Rgb& colour, double radius) {
-    if (!Drawable(centre)) return;
-    cv::circle(pixels_, ToPoint(centre), Radius(radius), ToScalar(colour), cv::FILLED, cv::LINE_AA,
-               kShift);
-  }
-  void Ring(const Eigen::Vector2d& centre, const Rgb& colour, double radius, double width) {
-    if (!Drawable(centre)) return;
-    cv::circle(pixels_, ToPoint(centre), Radius(radius), ToScalar(colour), Width(width),
-               cv::LINE_AA, kShift);
-  }
-  void Fill(const std::vector<Eigen::Vector2d>& polygon, const Rgb& colour) {
-    std::vector<cv::Point> points;
-    for (const Eigen::Vector2d& corner : polygon) {
-      if (!Drawable(corner)) return;
-      points.push_back(ToPoint(corner));
-    }
-    cv::fillConvexPoly(pixels_, points, ToScalar(colour), cv::LINE_AA, kShift);
-  }
-  // What `draw` draws shows by `opacity`.
-  template <typename Draw>
-  void Translucent(double opacity, Draw draw) {
-    const cv::Mat before = pixels_.clone();
-    draw();
-    cv::addWeighted(pixels_, opacity, before, 1.0 - opacity, 0.0, pixels_);
-  }
-
-  ColourImage ToImage() const {
-    if (pixels_.empty()) return {width_, height_, {}};
-    cv::Mat small;
-    cv::resize(pixels_, small, cv::Size(width_, height_), 0, 0, cv::INTER_AREA);
-    return {width_, height_, std::vector<uint8_t>(small.data, small.data + small.total() * 3)};
-  }
-
- private:
-  static constexpr int kFineness = 2;
-
-  // Far outside, where fixed-point positions would overflow, there is nothing to see.
-  bool Drawable(const Eigen::Vector2d& p) const {
-    return p.allFinite() && p.cwiseAbs().maxCoeff() < 20.0 * Diagonal() + 1000.0;
-  }
-  int Width(double width) const {
-    return std::max(1, static_cast<int>(std::lround(kFineness * width * Diagonal() / 1000.0)));
-  }
-  int Radius(double radius) const {
-    const double pixels = std::max(kFineness * radius * Diagonal() / 1000.0, 1.0);
-    return static_cast<int>(std::lround(pixels * (1 << kShift)));
-  }
-  static cv::Point ToPoint(const Eigen::Vector2d& p) {
-    return {static_cast<int>(std::lround((kFineness * p.x() - 0.5) * (1 << kShift))),
-            static_cast<int>(std::lround((kFineness * p.y() - 0.5) * (1 << kShift)))};
-  }
-
-  int width_, height_;
-  cv::Mat pixels_;
-};
 
 // From pixels of the camera to those of the photograph.
 Eigen::Vector2d PhotographScale(const Reconstruction& model, const Image& image,

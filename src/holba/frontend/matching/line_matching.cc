@@ -15,9 +15,10 @@ namespace holba {
 namespace {
 
 constexpr float kDescriptorScale = 16384.0f;  // sums of 72 products stay below 2^31
-// Shared points count by exp(-distance / this) for a segment, and not at all beyond kReachPx.
+// Shared points count by exp(-distance / this) for a segment, and not at all beyond kReach times
+// it.
 constexpr float kPointScalePx = 10.0f;
-constexpr float kReachPx = 40.0f;
+constexpr float kReach = 4.0f;
 // Instead of (1 - cosine) / 2 if a segment has no shared point in reach.
 constexpr float kDistanceWithoutPoints = 0.3f;
 // From so many shared points on the rotation between the images is estimated.
@@ -35,44 +36,78 @@ struct Signatures {
   std::vector<std::vector<Entry>> of_point;
 };
 
-template <typename GetPosition>
-Signatures MakeSignatures(const std::vector<LineSegment2d>& segments,
-                          const std::vector<SharedPoint>& points, const GetPosition& position) {
-  struct Point {
-    float x, y;
-    uint32_t idx;
-  };
-  std::vector<Point> by_x(points.size());
-  for (size_t i = 0; i < points.size(); ++i) {
-    const Eigen::Vector2f p = position(points[i]).template cast<float>();
-    by_x[i] = {p.x(), p.y(), static_cast<uint32_t>(i)};
+// Positions of the shared points in one image, found by their distance from a segment.
+class PointsAround {
+ public:
+  template <typename GetPosition>
+  PointsAround(const std::vector<SharedPoint>& points, const GetPosition& position)
+      : by_x_(points.size()) {
+    for (size_t i = 0; i < points.size(); ++i) {
+      const Eigen::Vector2f p = position(points[i]).template cast<float>();
+      by_x_[i] = {p.x(), p.y(), static_cast<uint32_t>(i)};
+    }
+    std::sort(by_x_.begin(), by_x_.end(), [](const Point& a, const Point& b) {
+      return std::pair(a.x, a.idx) < std::pair(b.x, b.idx);
+    });
   }
-  std::sort(by_x.begin(), by_x.end(), [](const Point& a, const Point& b) {
-    return std::pair(a.x, a.idx) < std::pair(b.x, b.idx);
-  });
-  Signatures signatures;
-  signatures.of_segment.resize(segments.size());
-  signatures.of_point.resize(points.size());
-  for (size_t i = 0; i < segments.size(); ++i) {
-    const Eigen::Vector2f start = segments[i].start.cast<float>();
-    const Eigen::Vector2f d = (segments[i].end - segments[i].start).cast<float>();
-    const Eigen::Vector2f low = start.cwiseMin(start + d).array() - kReachPx;
-    const Eigen::Vector2f high = start.cwiseMax(start + d).array() + kReachPx;
+
+  // Calls `found` with the index and the distance of each within `reach_px`.
+  template <typename Found>
+  void Visit(const LineSegment2d& segment, float reach_px, const Found& found) const {
+    const Eigen::Vector2f start = segment.start.cast<float>();
+    const Eigen::Vector2f d = (segment.end - segment.start).cast<float>();
+    const Eigen::Vector2f low = start.cwiseMin(start + d).array() - reach_px;
+    const Eigen::Vector2f high = start.cwiseMax(start + d).array() + reach_px;
     const float inverse_square = 1.0f / std::max(d.squaredNorm(), 1e-12f);
-    auto& entries = signatures.of_segment[i];
-    float squares = 0.0f;
-    for (auto point = std::lower_bound(by_x.begin(), by_x.end(), low.x(),
-                                       [](const Point&p, float x) { return p.x < x; });
-         point != by_x.end() && point->x <= high.x(); ++point) {
+    for (auto point = std::lower_bound(by_x_.begin(), by_x_.end(), low.x(),
+                                       [](const Point& p, float x) { return p.x < x; });
+         point != by_x_.end() && point->x <= high.x(); ++point) {
       if (point->y < low.y() || point->y > high.y()) continue;
       const Eigen::Vector2f p(point->x, point->y);
       const float along = std::clamp((p - start).dot(d) * inverse_square, 0.0f, 1.0f);
       const float square = (p - start - along * d).squaredNorm();
-      if (square > kReachPx * kReachPx) continue;
-      const float weight = std::exp(-std::sqrt(square) / kPointScalePx);
-      entries.push_back({point->idx, weight});
-      squares += weight * weight;
+      if (square <= reach_px * reach_px) found(point->idx, std::sqrt(square));
     }
+  }
+
+  // Distance of the `count`-th nearest; kPointScalePx if that many are nearer, or there are fewer.
+  float ScalePx(const LineSegment2d& segment, size_t count) const {
+    if (count == 0 || by_x_.size() < count) return kPointScalePx;
+    size_t num_near = 0;
+    Visit(segment, kPointScalePx, [&](uint32_t, float) { ++num_near; });
+    if (num_near >= count) return kPointScalePx;
+    std::vector<float> distances;
+    Visit(segment, std::numeric_limits<float>::infinity(),
+          [&](uint32_t, float distance) { distances.push_back(distance); });
+    std::nth_element(distances.begin(), distances.begin() + (count - 1), distances.end());
+    return std::max(kPointScalePx, distances[count - 1]);
+  }
+
+ private:
+  struct Point {
+    float x, y;
+    uint32_t idx;
+  };
+  std::vector<Point> by_x_;
+};
+
+template <typename GetPosition>
+Signatures MakeSignatures(const std::vector<LineSegment2d>& segments,
+                          const std::vector<SharedPoint>& points, int num_near_points,
+                          const GetPosition& position) {
+  const PointsAround around(points, position);
+  Signatures signatures;
+  signatures.of_segment.resize(segments.size());
+  signatures.of_point.resize(points.size());
+  for (size_t i = 0; i < segments.size(); ++i) {
+    auto& entries = signatures.of_segment[i];
+    float squares = 0.0f;
+    const float scale_px = around.ScalePx(segments[i], static_cast<size_t>(num_near_points));
+    around.Visit(segments[i], kReach * scale_px, [&](uint32_t idx, float distance) {
+      const float weight = std::exp(-distance / scale_px);
+      entries.push_back({idx, weight});
+      squares += weight * weight;
+    });
     const float inverse_norm = squares > 0.0f ? 1.0f / std::sqrt(squares) : 0.0f;
     for (Signatures::Entry& entry : entries) {
       entry.weight *= inverse_norm;
@@ -218,6 +253,9 @@ void LineMatchingOptions::Describe(OptionTable* table) const {
                "Largest distance of matched segments' descriptors.");
   table->Field("max_rotation_deg", &max_rotation_deg, Between(0.0, 180.0),
                "Largest turn of a segment against the rotation between the images.");
+  table->Field("num_near_points", &num_near_points, AtLeast(0),
+               "Shared points that tell where a segment is, however far they are; 0: those within "
+               "40 pixels only.");
   table->Field("min_epipolar_overlap", &min_epipolar_overlap, Between(0.0, 1.0),
                "Least overlap of matched segments along the epipolar lines.");
 }
@@ -251,10 +289,12 @@ std::vector<LineMatch> MatchSegments(const LineMatchingOptions& options,
                                      const std::vector<SharedPoint>& shared_points,
                                      const std::optional<Eigen::Matrix3d>& F) {
   const size_t n1 = segments1.segments.size(), n2 = segments2.segments.size();
-  const Signatures signatures1 = MakeSignatures(segments1.segments, shared_points,
-                                                [](const SharedPoint& p) { return p.first; });
-  const Signatures signatures2 = MakeSignatures(segments2.segments, shared_points,
-                                                [](const SharedPoint& p) { return p.second; });
+  const Signatures signatures1 =
+      MakeSignatures(segments1.segments, shared_points, options.num_near_points,
+                     [](const SharedPoint& p) { return p.first; });
+  const Signatures signatures2 =
+      MakeSignatures(segments2.segments, shared_points, options.num_near_points,
+                     [](const SharedPoint& p) { return p.second; });
   const std::optional<double> rotation = RotationBetween(shared_points);
   const Eigen::Rotation2Df turn(static_cast<float>(rotation.value_or(0.0)));
   const float min_cosine =

@@ -24,6 +24,9 @@ struct LineMatchingOptions {
   double max_descriptor_distance = 0.8;
   // Directions in the image may differ by this from the rotation that the shared points have.
   double max_rotation_deg = 35.0;
+  // Shared points that tell where a segment is, however far they are: the reach of those around it
+  // grows until there are so many. Three fix an affine frame. 0: only what is within 40 pixels.
+  int num_near_points = 0;
   // Overlap (intersection over union) of the two segments along the epipolar lines.
   double min_epipolar_overlap = 0.1;
 

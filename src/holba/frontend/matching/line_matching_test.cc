@@ -15,8 +15,8 @@
 #include "holba/base/data_testing.h"
 #include "holba/base/random.h"
 #include "holba/frontend/detectors/lbd_descriptor.h"
-#include "holba/frontend/photographs/photograph.h"
 #include "holba/frontend/detectors/segment_refinement.h"
+#include "holba/frontend/photographs/photograph.h"
 #include "holba/scene/ideal_view.h"
 
 namespace holba {
@@ -76,6 +76,28 @@ TEST(LineMatching, PointsTellRepeatedSegmentsApart) {
       MutualNearest(MatchSegments({}, segments1, segments2, row.points, std::nullopt), 0.9);
   ASSERT_EQ(mutual.size(), 8u);
   for (const LineMatch& match : mutual) EXPECT_EQ(match.idx1, match.idx2);
+}
+
+TEST(LineMatching, TheNearestPointsTellWhereASegmentIsHoweverFarTheyAre) {
+  Row row = MakeRow(8, {70.0, 5.0});
+  // 70 pixels above the segments.
+  for (auto& [p1, p2] : row.points) {
+    p1.y() -= 130.0;
+    p2.y() -= 130.0;
+  }
+  const auto segments1 = MakeMatchable(row.features1, TestCamera());
+  const auto segments2 = MakeMatchable(row.features2, TestCamera());
+  EXPECT_TRUE(MutualNearest(MatchSegments({}, segments1, segments2, row.points, std::nullopt), 0.9)
+                  .empty());
+  const LineMatchingOptions options{.num_near_points = 3};
+  const auto mutual =
+      MutualNearest(MatchSegments(options, segments1, segments2, row.points, std::nullopt), 0.9);
+  ASSERT_EQ(mutual.size(), 8u);
+  for (const LineMatch& match : mutual) EXPECT_EQ(match.idx1, match.idx2);
+  // Fewer points than that change nothing.
+  row.points.resize(2);
+  EXPECT_EQ(Pairs(MatchSegments(options, segments1, segments2, row.points, std::nullopt)),
+            Pairs(MatchSegments({}, segments1, segments2, row.points, std::nullopt)));
 }
 
 TEST(LineMatching, KeepsTheNearestOfEachSegmentOfBothImages) {
