@@ -184,6 +184,13 @@ void MapStages::Refine(const MapPaths& paths, const MappingData& data, Reconstru
     case MapperStructure::kHolistic:
       break;
   }
+  // What was held while the model grew is known: also the principal point, if all else is.
+  const GlobalAdjustmentOptions& grown = mapper_.global;
+  if (!grown.refine_focal_length) options.bundle.refine_focal_length = false;
+  if (!grown.refine_extra_params) options.bundle.refine_extra_params = false;
+  if (!grown.refine_sensor_from_rig) options.bundle.refine_sensor_from_rig = false;
+  if (!grown.refine_focal_length && !grown.refine_extra_params && !grown.refine_principal_point)
+    options.bundle.refine_principal_point = false;
   const auto log = [](const std::string& text) { LogInfo("{}", text); };
   Database database(paths.database_path);
   std::map<image_t, image_t> own_ids;

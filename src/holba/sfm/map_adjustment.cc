@@ -67,6 +67,7 @@ BundleOptions MapAdjuster::Bundle() const {
   bundle.refine_focal_length = options_.global.refine_focal_length;
   bundle.refine_principal_point = options_.global.refine_principal_point;
   bundle.refine_extra_params = options_.global.refine_extra_params;
+  bundle.refine_sensor_from_rig = options_.global.refine_sensor_from_rig;
   bundle[TermFamily::kPoint].loss = bundle[TermFamily::kLine].loss = LossChoice::kCauchy;
   bundle[TermFamily::kPoint].loss_scale = loss_scale_px_;
   bundle[TermFamily::kLine].loss_scale = line_loss_scale_px_;

@@ -128,6 +128,8 @@ void MapperOptions::Describe(OptionTable* table) const {
       ->Field("ba_refine_extra_params", &global.refine_extra_params,
               "Whether distortion is adjusted while the model grows.")
       .Basic();
+  table->Field("ba_refine_sensor_from_rig", &global.refine_sensor_from_rig,
+               "Whether poses of sensors in their rigs are adjusted while the model grows.");
 }
 
 }  // namespace holba

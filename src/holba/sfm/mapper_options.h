@@ -83,6 +83,7 @@ struct GlobalAdjustmentOptions {
   bool refine_focal_length = true;
   bool refine_principal_point = false;
   bool refine_extra_params = true;
+  bool refine_sensor_from_rig = true;
   // Growth of the number of images since groups were formed that calls for forming them anew.
   double groups_ratio = 1.3;
 };
