@@ -37,6 +37,8 @@ BundleConfig ConfigOf(MapperStructure structure) {
   return BundleConfig::kHolistic;
 }
 
+// Rounds of adjusting all before the next image.
+constexpr int kRoundsInBetween = 2;
 // Fewer do not measure a scale.
 constexpr size_t kMinDistances = 50;
 
@@ -292,7 +294,7 @@ void MapAdjuster::MeasureNoise() {
   line_loss_scale_px_ = std::clamp(2.0 * line_sigma, 0.1, options_.filter.max_error_px);
 }
 
-std::vector<image_t> MapAdjuster::AdjustAll() {
+std::vector<image_t> MapAdjuster::AdjustAll(bool is_last) {
   const Reconstruction& model = state_.model();
   const auto all_points = [&] {
     std::vector<point3D_t> ids;
@@ -308,7 +310,10 @@ std::vector<image_t> MapAdjuster::AdjustAll() {
   };
   complete_and_merge();
   report_.num_retriangulated += Retriangulate(options_.triangulation, &state_).Observations();
-  for (int round = 0; round < options_.global.max_refinements; ++round) {
+  const int max_refinements = is_last
+                                  ? options_.global.max_refinements
+                                  : std::min(kRoundsInBetween, options_.global.max_refinements);
+  for (int round = 0; round < max_refinements; ++round) {
     MeasureNoise();
     AdjustOnce();
     size_t num_changed = complete_and_merge();
@@ -342,6 +347,7 @@ std::vector<image_t> MapAdjuster::AdjustAll() {
 bool MapAdjuster::IsGlobalDone() const { return state_.model().frames.size() == frames_at_global_; }
 
 bool MapAdjuster::IsGlobalDue() const {
+  if (state_.model().images.size() <= static_cast<size_t>(options_.local.num_images)) return false;
   const auto grown = [](size_t now, size_t before, double ratio, int freq) {
     return static_cast<double>(now) >= ratio * static_cast<double>(before) ||
            now >= before + static_cast<size_t>(freq);

@@ -66,17 +66,17 @@ class Mapper {
         if (is_last_chance && adjuster_.IsGlobalDone()) break;
         // Better poses may let images in that were refused.
         is_last_chance = true;
-        AdjustAll();
+        AdjustAll(true);
         continue;
       }
       is_last_chance = false;
       const std::vector<image_t> frame = state_.ImagesOfFrame(*image_id);
       Triangulate(frame);
       AdjustAround(frame);
-      if (adjuster_.IsGlobalDue()) AdjustAll();
+      if (adjuster_.IsGlobalDue()) AdjustAll(false);
       observer_.OnImage(state_, *image_id, Sentence(*image_id));
     }
-    if (!adjuster_.IsGlobalDone() && !state_.model().images.empty()) AdjustAll();
+    if (!adjuster_.IsGlobalDone() && !state_.model().images.empty()) AdjustAll(true);
     report_.total_seconds += timer.Seconds();
   }
 
@@ -186,9 +186,9 @@ class Mapper {
     Count("local adjustment", timer);
   }
 
-  void AdjustAll() {
+  void AdjustAll(bool is_last) {
     const Timer timer;
-    const std::vector<image_t> removed = adjuster_.AdjustAll();
+    const std::vector<image_t> removed = adjuster_.AdjustAll(is_last);
     for (const image_t id : removed) ++state_.num_registration_trials[id];
     report_.num_registered -= std::min(report_.num_registered, removed.size());
     ResetFreeCameras(removed);
