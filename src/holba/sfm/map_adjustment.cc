@@ -331,6 +331,8 @@ std::vector<image_t> MapAdjuster::AdjustAll(bool is_last) {
       break;
   }
   state_.TakeModifiedPoints();
+  // Better poses may bring together what was apart; and what was tried is no part of a snapshot.
+  state_.line_merges_tried.clear();
   if (static_cast<double>(model.frames.size()) >=
       options_.global.groups_ratio * static_cast<double>(frames_at_groups_)) {
     const Timer group_timer;

@@ -78,6 +78,8 @@ class MapperState {
   std::set<ImagePair> tried_initial_pairs;
   std::set<ImagePair> failed_initial_pairs;  // models that began with them came to nothing
   std::map<ImagePair, int> num_retriangulations;
+  // Pairs of lines that are not one, by the joint length of their tracks then.
+  std::map<std::pair<line3D_t, line3D_t>, size_t> line_merges_tried;
   std::set<image_t> images_of_earlier_models;
   std::set<frame_t> existing_frames;  // came with poses
   // Parameters of the cameras as they were given: where an image that was registered goes again.

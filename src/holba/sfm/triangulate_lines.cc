@@ -21,6 +21,7 @@ constexpr size_t kMinImages = 2;
 constexpr double kMaxRelativeSigma = 0.05;
 // After an adjustment, in units of LineOptions::max_distance_px, observations are too far off.
 constexpr double kFilterFactor = 2.0;
+constexpr double kMergeFactor = 4.0;
 // Open matches of a segment that are looked at, the best first: all pairs of them are tried.
 constexpr size_t kMaxSupports = 12;
 
@@ -150,11 +151,22 @@ class LineTriangulator {
           continue;
         std::vector<LineObservation> track = line.track;
         const Line3D& second = model_.lines3D.at(other);
+        // What did not go together does not until one of them is seen by more images.
+        size_t& length_tried =
+            state_.line_merges_tried[{std::min(id, other), std::max(id, other)}];
+        const size_t length = line.track.size() + second.track.size();
+        if (length <= length_tried) continue;
+        length_tried = length;
         track.insert(track.end(), second.track.begin(), second.track.end());
         const std::vector<LineSupport> supports = SupportsOf(track);
         AnchoredLine joint =
             WithExtent(second.track.size() > line.track.size() ? second : line).line;
-        if (supports.size() != track.size() ||
+        // A fit does not bring together what is far apart.
+        const double far_px = kMergeFactor * options_.max_distance_px;
+        const bool is_near = std::all_of(supports.begin(), supports.end(), [&](const auto& s) {
+          return SquaredDistance(s, joint) <= 2.0 * far_px * far_px;
+        });
+        if (supports.size() != track.size() || !is_near ||
             !FitLine(supports, LinePrior(), options_.max_distance_px, &joint))
           continue;
         const auto extent = ExtentOfLine(supports, joint);
