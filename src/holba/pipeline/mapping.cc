@@ -66,6 +66,7 @@ MappingData ReadMappingData(const MappingDataOptions& options, const DetectionOp
   data.scene = std::move(scene.scene);
   data.num_images_of_unknown_rigs = scene.num_images_of_unknown_rigs;
   data.input.cameras_of_known_focal_length = std::move(scene.cameras_of_known_focal_length);
+  for (const ImagePair& pair : database->MatchedPairs(0)) data.input.compared_pairs.insert(pair);
   data.input.graph = ReadCorrespondenceGraph(
       *database,
       {.min_num_matches = options.min_num_matches, .ignore_watermarks = options.ignore_watermarks},

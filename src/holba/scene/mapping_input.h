@@ -13,6 +13,9 @@ namespace holba {
 struct MappingInput {
   CorrespondenceGraph graph;
   ImageFeatureMap features;                          // may be empty
+  // Pairs whose keypoints were compared, matched or not: only of these a lack of matches means
+  // something.
+  std::set<ImagePair> compared_pairs;
   std::set<camera_t> cameras_of_known_focal_length;  // by EXIF or calibration
 };
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "holba/base/timer.h"
+#include "holba/sfm/contradictions.h"
 #include "holba/sfm/filter_model.h"
 #include "holba/sfm/next_image.h"
 #include "holba/sfm/triangulate_lines.h"
@@ -72,6 +73,7 @@ class Mapper {
       is_last_chance = false;
       const std::vector<image_t> frame = state_.ImagesOfFrame(*image_id);
       Triangulate(frame);
+      if (IsContradictedAgain(frame)) continue;
       AdjustAround(frame);
       if (adjuster_.IsGlobalDue()) AdjustAll(false);
       observer_.OnImage(state_, *image_id, Sentence(*image_id));
@@ -188,12 +190,49 @@ class Mapper {
 
   void AdjustAll(bool is_last) {
     const Timer timer;
-    const std::vector<image_t> removed = adjuster_.AdjustAll(is_last);
+    Remove(adjuster_.AdjustAll(is_last));
+    if (options_.filter.contradicted_images) {
+      std::vector<image_t> contradicted = MissingMatches(state_).ContradictedImages();
+      std::erase_if(contradicted, [&](image_t id) {
+        return state_.existing_frames.contains(state_.model().images.at(id).frame_id);
+      });
+      if (!contradicted.empty()) {
+        report_.num_contradicted += contradicted.size();
+        state_.contradicted.insert(contradicted.begin(), contradicted.end());
+        Undo(contradicted);
+        Remove(contradicted);
+        Remove(adjuster_.AdjustAll(is_last));
+      }
+    }
+    Count("global adjustment", timer);
+    observer_.OnModel(state_);
+  }
+
+  // Images that lost their pose have been tried.
+  void Remove(const std::vector<image_t>& removed) {
     for (const image_t id : removed) ++state_.num_registration_trials[id];
     report_.num_registered -= std::min(report_.num_registered, removed.size());
     ResetFreeCameras(removed);
-    Count("global adjustment", timer);
-    observer_.OnModel(state_);
+  }
+
+  // An image that was contradicted before has more to show.
+  bool IsContradictedAgain(const std::vector<image_t>& images) {
+    if (std::none_of(images.begin(), images.end(),
+                     [&](image_t id) { return state_.contradicted.contains(id); }))
+      return false;
+    const MissingMatches missing(state_);
+    double num_missing = 0.0, num_seen = 0.0;
+    for (const image_t id : images) {
+      num_missing += missing.MissingOf(id);
+      const Image& image = state_.model().images.at(id);
+      num_seen += static_cast<double>(
+          std::count_if(image.points2D.begin(), image.points2D.end(),
+                        [](const Point2D& point) { return point.point3D_id != kNoId; }));
+    }
+    if (num_missing <= num_seen) return false;
+    Undo(images);
+    Remove(images);
+    return true;
   }
 
   void Count(const char* stage, const Timer& timer) { report_.seconds[stage] += timer.Seconds(); }

@@ -25,7 +25,8 @@ struct MapReport {
   InitialPair initial_pair;  // not of a model that was continued
   size_t num_registered = 0, num_registered_without_structure = 0;
   size_t num_failed_registrations = 0;
-  PointChanges points;  // of triangulation after registrations
+  size_t num_contradicted = 0;  // images that lost their pose because matches are missing
+  PointChanges points;          // of triangulation after registrations
   LineChanges lines;
   AdjustmentReport adjustments;
   std::map<std::string, double> seconds;  // by stage

@@ -82,6 +82,9 @@ void MapperOptions::Describe(OptionTable* table) const {
                "Observations of larger errors in pixels are removed.");
   table->Field("filter_min_tri_angle", &filter.min_angle_deg, AtLeast(0),
                "Points whose rays all meet at smaller angles in degrees are removed.");
+  table->Field("filter_contradicted_images", &filter.contradicted_images,
+               "Whether images lose their pose that were compared with others of like views and "
+               "share next to nothing with them (repeated structure).");
   table->Field("min_focal_length_ratio", &filter.min_focal_length_ratio, GreaterThan(0),
                "Cameras of smaller focal lengths (by the longer side) are wrong.");
   table->Field("max_focal_length_ratio", &filter.max_focal_length_ratio, GreaterThan(0),

@@ -56,6 +56,8 @@ struct TriangulationOptions {
 };
 
 struct FilterOptions {
+  // Whether images lose their pose that share next to nothing with others of like views.
+  bool contradicted_images = true;
   double max_error_px = 4.0;
   double min_angle_deg = 1.5;
   // Focal lengths by the longer side of the image, and the largest distortion parameter: cameras

@@ -80,6 +80,8 @@ class MapperState {
   std::map<ImagePair, int> num_retriangulations;
   // Pairs of lines that are not one, by the joint length of their tracks then.
   std::map<std::pair<line3D_t, line3D_t>, size_t> line_merges_tried;
+  // Lost their pose because matches are missing (contradictions.h).
+  std::set<image_t> contradicted;
   std::set<image_t> images_of_earlier_models;
   std::set<frame_t> existing_frames;  // came with poses
   // Parameters of the cameras as they were given: where an image that was registered goes again.
