@@ -6,23 +6,11 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "holba/estimation/lines/line_testing.h"
+#include "holba/estimation/lines/line_support_testing.h"
 #include "holba/estimation/lines/line_uncertainty.h"
 
 namespace holba {
 namespace {
-
-std::vector<LineSupport> SupportsOfEdge(const TestHouse& house, int edge) {
-  std::vector<LineSupport> supports;
-  for (const auto& [id, features] : house.features) {
-    const IdealView view(house.model, id);
-    for (size_t s = 0; s < features.segments.size(); ++s) {
-      if (house.edge_of_segment.at(id)[s] == edge)
-        supports.emplace_back(view, *view.ToIdeal(features.segments[s]), id);
-    }
-  }
-  return supports;
-}
 
 AnchoredLine LineOfEdge(const Edge3d& edge) {
   return {(edge.second - edge.first).normalized(), 0.5 * (edge.first + edge.second)};

@@ -8,24 +8,12 @@
 #include <vector>
 
 #include "holba/base/random.h"
-#include "holba/estimation/lines/line_testing.h"
+#include "holba/estimation/lines/line_support_testing.h"
 
 namespace holba {
 namespace {
 
 using ::testing::ElementsAreArray;
-
-std::vector<LineSupport> SupportsOfEdge(const TestHouse& house, int edge) {
-  std::vector<LineSupport> supports;
-  for (const auto& [id, features] : house.features) {
-    const IdealView view(house.model, id);
-    for (size_t s = 0; s < features.segments.size(); ++s) {
-      if (house.edge_of_segment.at(id)[s] == edge)
-        supports.emplace_back(view, *view.ToIdeal(features.segments[s]), id);
-    }
-  }
-  return supports;
-}
 
 constexpr double kAnySigma = 1e9;
 
