@@ -11,6 +11,7 @@
 #include "holba/base/timer.h"
 #include "holba/sfm/contradictions.h"
 #include "holba/sfm/filter_model.h"
+#include "holba/sfm/join_models.h"
 #include "holba/sfm/next_image.h"
 #include "holba/sfm/triangulate_lines.h"
 
@@ -79,6 +80,15 @@ class Mapper {
       observer_.OnImage(state_, *image_id, Sentence(*image_id));
     }
     if (!adjuster_.IsGlobalDone() && !state_.model().images.empty()) AdjustAll(true);
+    report_.total_seconds += timer.Seconds();
+  }
+
+  // Images that got poses from another model.
+  void TakeIn(const std::vector<image_t>& images) {
+    const Timer timer;
+    report_.num_registered += images.size();
+    Triangulate(images);
+    AdjustAll(true);
     report_.total_seconds += timer.Seconds();
   }
 
@@ -264,6 +274,30 @@ std::string WhyLeftOut(const MapperOptions& options, const MapperState* last, im
   return "it sees too few points of the model";
 }
 
+// Models that share enough images with the greatest become part of it.
+void JoinModels(const MapperOptions& options, const SolverOptions& solver,
+                const MappingInput& input, MapObserver* observer,
+                std::vector<MappedModel>* models) {
+  for (size_t i = 1; i < models->size();) {
+    MappedModel& greatest = models->front();
+    MapperState state(input, greatest.model);
+    state.existing_frames.clear();
+    std::vector<image_t> added;
+    for (const auto& [id, image] : (*models)[i].model.images) {
+      if (!greatest.model.images.contains(id)) added.push_back(id);
+    }
+    if (JoinModel((*models)[i].model, &state) == 0) {
+      ++i;
+      continue;
+    }
+    Mapper mapper(options, solver, &state, observer);
+    mapper.TakeIn(added);
+    greatest.model = state.model();
+    greatest.report.num_joined += added.size();
+    models->erase(models->begin() + static_cast<std::ptrdiff_t>(i));
+  }
+}
+
 }  // namespace
 
 MapResult MapImages(const MapperOptions& options, const SolverOptions& solver,
@@ -305,6 +339,7 @@ MapResult MapImages(const MapperOptions& options, const SolverOptions& solver,
   std::stable_sort(result.models.begin(), result.models.end(), [](const auto& a, const auto& b) {
     return a.model.images.size() > b.model.images.size();
   });
+  JoinModels(options, solver, input, observer, &result.models);
   std::set<image_t> mapped;
   for (const MappedModel& mapped_model : result.models) {
     for (const auto& [id, image] : mapped_model.model.images) mapped.insert(id);

@@ -25,6 +25,7 @@ struct MapReport {
   InitialPair initial_pair;  // not of a model that was continued
   size_t num_registered = 0, num_registered_without_structure = 0;
   size_t num_failed_registrations = 0;
+  size_t num_joined = 0;        // images that came with another model
   size_t num_contradicted = 0;  // images that lost their pose because matches are missing
   PointChanges points;          // of triangulation after registrations
   LineChanges lines;

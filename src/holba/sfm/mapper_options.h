@@ -87,7 +87,7 @@ struct GlobalAdjustmentOptions {
   bool refine_extra_params = true;
   bool refine_sensor_from_rig = true;
   // Growth of the number of images since groups were formed that calls for forming them anew.
-  double groups_ratio = 1.3;
+  double groups_ratio = 1.5;
 };
 
 struct MapperOptions {
