@@ -28,8 +28,11 @@ namespace holba {
 namespace fs = std::filesystem;
 namespace {
 
-// The hypotheses of so few sightings agree with each other by chance.
+// Fewer sightings agree with a wrong pose by chance.
 constexpr int kMinNumInliers = 12;
+// A pair says where segments are looked for and which points are tried, no more: the pose judges
+// them all together.
+constexpr int kMinNumInliersOfPair = 8;
 
 class Localizer {
  public:
@@ -454,7 +457,10 @@ double LargestDeviation(const Eigen::Matrix3d& covariance) {
 
 }  // namespace
 
-LocalizeOptions::LocalizeOptions() { pose.abs_pose_min_num_inliers = kMinNumInliers; }
+LocalizeOptions::LocalizeOptions() {
+  pose.abs_pose_min_num_inliers = kMinNumInliers;
+  matching.geometry.min_num_inliers = kMinNumInliersOfPair;
+}
 
 void LocalizeOptions::Describe(OptionTable* table) const {
   table->Field("image_list_path", &image_list_path,
