@@ -46,10 +46,10 @@ class LocalizeJob : public Job {
     table->Field("input_path", &input_path_, "Folder of the model, ours or COLMAP's.").Required();
     table
         ->Field("output_path", &output_path_,
-                "Folder for localization.json and the model with the new images.")
+                "Folder for localization.json, and for the model with the new images.")
         .Required();
     table->Field("write_model", &write_model_,
-                 "Whether the model is written with the new images and what they observe.");
+                 "Whether the model is written, with the new images and what they observe.");
     table->Choice("output_type", &format_,
                   {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
                   "Format of the model folder.");
@@ -63,14 +63,14 @@ class LocalizeJob : public Job {
   }
 
   void Run(const Invocation& invocation) override {
-    if (database_path_.empty() && image_path_.empty()) {
-      throw InputError("there is nothing to localise; give --image_path, --database_path or both");
-    }
     if (!image_path_.empty() && !fs::is_directory(image_path_))
       throw NoSuchFolder(image_path_, "--image_path");
     options_.Check();
     HoldOpenCvThreads();
     Reconstruction model = ReadModel(input_path_);
+    if (database_path_.empty() && image_path_.empty()) {
+      throw InputError("there is nothing to localise; give --image_path, --database_path or both");
+    }
     StagedFolder stage(output_path_);
     const fs::path copy = stage.path() / "features.db";
     if (!database_path_.empty()) CopyDatabase(database_path_, copy);

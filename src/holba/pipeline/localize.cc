@@ -463,9 +463,9 @@ LocalizeOptions::LocalizeOptions() {
 }
 
 void LocalizeOptions::Describe(OptionTable* table) const {
-  table->Field("image_list_path", &image_list_path,
-               "File with the names of the photographs that are localised, one a line; empty: all "
-               "that the model lacks.");
+  table->Field(
+      "image_list_path", &image_list_path,
+      "File of names, a line each, of what is localised; empty: all that the model lacks.");
   table
       ->Choice("from", &from,
                {{"points", LocalizeFrom::kPoints},
@@ -474,9 +474,10 @@ void LocalizeOptions::Describe(OptionTable* table) const {
                "What poses come from: points alone, points and lines, or all, with vanishing "
                "directions.")
       .Basic();
-  table->Field("max_num_neighbors", &max_num_neighbors, AtLeast(1),
-               "Images of the model that each photograph is matched with, those that look most "
-               "like it; all if the model has no more.");
+  table->Field(
+      "max_num_neighbors", &max_num_neighbors, AtLeast(1),
+      "Images that each photograph is matched with; those of the model that look most like it, "
+      "all if it has no more.");
   table->Field("random_seed", &random_seed, AtLeast(0), "Seed of the samples.");
   pose.Describe(table);
   extract.reader.Describe(table);
