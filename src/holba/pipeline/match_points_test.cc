@@ -120,6 +120,31 @@ TEST_F(MatchPointsTest, CommonPointsAreMatchedAndVerified) {
   }
 }
 
+TEST_F(MatchPointsTest, WhatIsThereSeveralTimesIsKeptForTheInliersItWasMeasuredFor) {
+  AddImages(2);
+  Database database(path_);
+  MatchPoints({}, {{1, 2}}, &database, IgnoreProgress);
+  const TwoViewGeometry geometry = *database.ReadTwoViewGeometry(1, 2);
+  const std::string settings = RepetitionSettings({}, geometry);
+  EXPECT_EQ(database.ReadPairRepetitionSettings(1, 2), settings);
+  const PairRepetition found = *database.ReadPairRepetition(1, 2, settings);
+  EXPECT_EQ(found.ratios.size(), geometry.inlier_matches.size());
+  EXPECT_GE(found.num_near[0], uint32_t{kNumPoints});
+  // All inliers passed the ratio test, from both sides.
+  for (const float ratio : found.ratios) EXPECT_LT(ratio, DescriptorMatchOptions().max_ratio);
+  // For other inliers it does not count.
+  TwoViewGeometry other = geometry;
+  other.inlier_matches.pop_back();
+  EXPECT_FALSE(database.ReadPairRepetition(1, 2, RepetitionSettings({}, other)).has_value());
+
+  AddImages(1);
+  MatchPointsOptions options;
+  options.keep_repetition = false;
+  MatchPoints(options, {{1, 3}}, &database, IgnoreProgress);
+  EXPECT_TRUE(database.ReadTwoViewGeometry(1, 3).has_value());
+  EXPECT_FALSE(database.ReadPairRepetitionSettings(1, 3).has_value());
+}
+
 TEST_F(MatchPointsTest, AStoppedRunGoesOnToTheSameResult) {
   AddImages(6);
   const std::filesystem::path other = folder_ / "other.db";

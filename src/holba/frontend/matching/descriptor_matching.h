@@ -70,6 +70,14 @@ DescriptorMatches SelectMatches(const DescriptorMatchOptions& options, bool are_
                                 const std::vector<FoundNeighbour>& of_first,
                                 const std::vector<FoundNeighbour>& of_second);
 
+// Of all descriptors of two images.
+struct Neighbours {
+  std::vector<FoundNeighbour> of_first, of_second;
+};
+// Images whose descriptors are of different kinds or lengths have none.
+Neighbours FindNeighbours(const PackedDescriptors& descriptors1,
+                          const PackedDescriptors& descriptors2);
+
 // Images whose descriptors are of different kinds or lengths have no matches.
 DescriptorMatches MatchDescriptors(const DescriptorMatchOptions& options,
                                    const PackedDescriptors& descriptors1,
