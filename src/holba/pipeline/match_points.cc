@@ -15,6 +15,7 @@
 #include "holba/base/timer.h"
 #include "holba/estimation/two_view/relative_pose.h"
 #include "holba/frontend/matching/guided_matching.h"
+#include "holba/frontend/matching/onnx_matching.h"
 #include "holba/frontend/matching/repetition.h"
 #include "holba/pipeline/settings.h"
 
@@ -28,6 +29,7 @@ struct MatchableImage {
   const DatabaseCamera* camera = nullptr;
   Keypoints keypoints;
   PackedDescriptors descriptors;
+  Descriptors as_stored;  // for a model that matches; else empty
 };
 
 // Images as they are needed; those that were not used for the longest time leave.
@@ -67,7 +69,7 @@ class ImageCache {
     MatchableImage image;
     image.camera = &cameras_.at(images_.at(id).camera_id);
     auto keypoints = database_.ReadKeypoints(id);
-    const auto descriptors = database_.ReadDescriptors(id);
+    auto descriptors = database_.ReadDescriptors(id);
     if (!keypoints || !descriptors) return image;
     if (descriptors->size() != 0 && descriptors->size() != keypoints->size()) {
       throw InputError(
@@ -79,6 +81,7 @@ class ImageCache {
     image.keypoints = std::move(*keypoints);
     image.descriptors =
         PackedDescriptors(*descriptors, static_cast<size_t>(options_.max_num_matches));
+    if (!options_.onnx_matcher_path.empty()) image.as_stored = std::move(*descriptors);
     return image;
   }
 
@@ -179,19 +182,33 @@ std::optional<PairRepetition> Repetition(const MatchPointsOptions& options,
                            geometry.inlier_matches);
 }
 
-void RunTask(const MatchPointsOptions& options, const ImageCache& images, PairTask* task) {
+OnnxMatchEnd EndOf(const MatchableImage& image) {
+  const Camera& camera = image.camera->camera;
+  return {Eigen::Vector2d(static_cast<double>(camera.width), static_cast<double>(camera.height)),
+          &image.keypoints, &image.as_stored};
+}
+
+// `matcher`: null: by descriptors.
+void RunTask(const MatchPointsOptions& options, const OnnxMatcher* matcher,
+             const ImageCache& images, PairTask* task) {
   const MatchableImage* image1 = images.Find(task->pair.first);
   const MatchableImage* image2 = images.Find(task->pair.second);
   const double begin = ThreadSeconds();
   bool best_first = false;
   const bool keep_repetition = options.keep_repetition && !options.skip_geometric_verification;
   Neighbours neighbours;
-  if ((!task->has_matches || keep_repetition) && image1 != nullptr && image2 != nullptr)
+  const bool by_descriptors = !task->has_matches && matcher == nullptr;
+  if ((by_descriptors || keep_repetition) && image1 != nullptr && image2 != nullptr)
     neighbours = FindNeighbours(image1->descriptors, image2->descriptors);
   if (!task->has_matches && image1 != nullptr && image2 != nullptr) {
-    task->matches = SelectMatches(options.descriptors, image1->descriptors.are_floats(),
-                                  neighbours.of_first, neighbours.of_second)
-                        .matches;
+    task->matches = matcher != nullptr
+                        ? matcher
+                              ->Match(EndOf(*image1), EndOf(*image2),
+                                      static_cast<size_t>(options.max_num_matches))
+                              .matches
+                        : SelectMatches(options.descriptors, image1->descriptors.are_floats(),
+                                        neighbours.of_first, neighbours.of_second)
+                              .matches;
     best_first = true;
   }
   const double middle = ThreadSeconds();
@@ -303,6 +320,10 @@ void MatchPointsOptions::Describe(OptionTable* table) const {
                "stairs).");
   descriptors.Describe(table);
   geometry.Describe(table);
+  table->Section("Onnx");
+  table->Field("matcher_path", &onnx_matcher_path,
+               "JSON file that describes an ONNX model of yours, which matches instead of the "
+               "nearest descriptors.");
 }
 
 std::string RepetitionSettings(const DescriptorMatchOptions& options,
@@ -325,6 +346,8 @@ MatchPointsReport MatchPoints(const MatchPointsOptions& options,
   const std::set<ImagePair> matched = to_set(database->MatchedPairs(0));
   const std::set<ImagePair> verified = to_set(database->VerifiedPairs(0));
 
+  std::optional<OnnxMatcher> matcher;
+  if (!options.onnx_matcher_path.empty()) matcher.emplace(options.onnx_matcher_path);
   ImageCache images(options, *database);
   std::set<image_t> seen, without_features;
   for (size_t begin = 0; begin < pairs.size(); begin += kGroupSize) {
@@ -345,7 +368,9 @@ MatchPointsReport MatchPoints(const MatchPointsOptions& options,
     for (image_t id : wanted) {
       if (images.Find(id) == nullptr) without_features.insert(id);
     }
-    ParallelTasks(options.num_threads, tasks.size(), [&](size_t i) { RunTask(options, images, &tasks[i]); });
+    ParallelTasks(options.num_threads, tasks.size(), [&](size_t i) {
+      RunTask(options, matcher ? &*matcher : nullptr, images, &tasks[i]);
+    });
     if (!tasks.empty()) Write(options, tasks, database);
     for (const PairTask& task : tasks) CountTask(task, &report);
     progress(std::min(begin + kGroupSize, pairs.size()));

@@ -25,6 +25,7 @@ struct MatchPointsOptions {
   bool guided_matching = false;
   bool skip_geometric_verification = false;
   bool keep_repetition = true;
+  std::string onnx_matcher_path;  // JSON file of a user's model that matches; empty: descriptors
   int max_images_in_memory = 100;
   int num_threads = -1;
 

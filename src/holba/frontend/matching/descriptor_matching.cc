@@ -31,7 +31,7 @@ void DescriptorMatchOptions::Describe(OptionTable* table) const {
 }
 
 PackedDescriptors::PackedDescriptors(const Descriptors& descriptors, size_t max_num) {
-  are_floats_ = descriptors.type == 1 || descriptors.type == 2;
+  are_floats_ = AreFloats(descriptors);
   size_ = std::min(descriptors.size(), max_num);
   const int entries = are_floats_ ? descriptors.num_bytes / 4 : descriptors.num_bytes;
   length_ = static_cast<int>(RoundUp(entries, 4));
