@@ -21,6 +21,7 @@
 
 #include "holba/scene/image_features.h"
 #include "holba/scene/keypoints.h"
+#include "holba/scene/pair_repetition.h"
 #include "holba/scene/reconstruction.h"
 #include "holba/scene/two_view_geometry.h"
 
@@ -197,6 +198,13 @@ class Database {
                                                         const std::string& settings) const;
   void WriteLineMatches(image_t image_id1, image_t image_id2, const std::string& settings,
                         const std::vector<LineMatch>& matches);
+
+  // Of a pair's inliers, in the order of its two-view geometry; pairs in either order.
+  std::optional<PairRepetition> ReadPairRepetition(image_t image_id1, image_t image_id2,
+                                                   const std::string& settings) const;
+  std::optional<std::string> ReadPairRepetitionSettings(image_t image_id1, image_t image_id2) const;
+  void WritePairRepetition(image_t image_id1, image_t image_id2, const std::string& settings,
+                           const PairRepetition& repetition);
 
   // The database's image for each of the model's, by name. Adds what is missing, with the model's
   // ids where they are free: images, their cameras, rigs and frames; the points of images without

@@ -25,12 +25,6 @@ constexpr int64_t kMaxNumPixels = int64_t{1} << 28;
 
 std::string ImageKey(image_t image_id) { return fmt::format("image_id = {}", image_id); }
 
-// In either order.
-std::string PairKey(image_t image_id1, image_t image_id2) {
-  return fmt::format("image_id1 = {} AND image_id2 = {}", std::min(image_id1, image_id2),
-                     std::max(image_id1, image_id2));
-}
-
 std::string SizeFault(int64_t num_rows, const char* what, size_t num_bytes) {
   return fmt::format("expected {} {}, found {} bytes", num_rows, what, num_bytes);
 }
@@ -115,7 +109,7 @@ std::optional<std::string> Database::ReadVanishingPointSettings(image_t image_id
 
 std::optional<std::string> Database::ReadLineMatchSettings(image_t image_id1,
                                                            image_t image_id2) const {
-  return StoredSettings("holba_line_matches", PairKey(image_id1, image_id2));
+  return StoredSettings("holba_line_matches", OurPairKey(image_id1, image_id2));
 }
 
 std::optional<std::string> Database::StoredSettings(const char* table,
@@ -454,7 +448,7 @@ std::optional<std::vector<LineMatch>> Database::ReadLineMatches(image_t image_id
                 "image_id2 = ? AND settings = ?");
   if (!row.Integer(image_id1).Integer(image_id2).Text(settings).Step()) return std::nullopt;
   const auto fail = [&](const std::string& message) {
-    FailRow("holba_line_matches", PairKey(image_id1, image_id2), message);
+    FailRow("holba_line_matches", OurPairKey(image_id1, image_id2), message);
   };
   const int64_t num_rows = row.GetInteger(0);
   const auto idxs = row.GetArray<uint32_t>(1, num_rows, 2);

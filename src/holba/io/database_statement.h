@@ -3,12 +3,13 @@
 // blobs (little-endian, without padding). Included by database*.cc only.
 #pragma once
 
-#include <cstdint>
 #include <fmt/format.h>
 #include <sqlite3.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <span>
 #include <string>
@@ -39,6 +40,9 @@ class Database::Statement {
   Statement& Text(std::string_view text) {
     return Check(sqlite3_bind_text64(statement_, ++num_bound_, text.data(), text.size(),
                                      SQLITE_STATIC, SQLITE_UTF8));
+  }
+  Statement& Double(double value) {
+    return Check(sqlite3_bind_double(statement_, ++num_bound_, value));
   }
   Statement& Null() { return Check(sqlite3_bind_null(statement_, ++num_bound_)); }
   template <typename T>
@@ -107,6 +111,12 @@ class Database::Statement {
   sqlite3_stmt* statement_ = nullptr;
   int num_bound_ = 0;
 };
+
+// The condition of a pair's row in a table of ours; pairs in either order.
+inline std::string OurPairKey(image_t image_id1, image_t image_id2) {
+  return fmt::format("image_id1 = {} AND image_id2 = {}", std::min(image_id1, image_id2),
+                     std::max(image_id1, image_id2));
+}
 
 template <typename T>
 bool AllFinite(const std::vector<T>& values) {

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <atomic>
+#include <memory>
 #include <mutex>
 #include <utility>
 
@@ -12,6 +13,8 @@
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
 #include "holba/base/words.h"
+#include "holba/frontend/detectors/onnx_image.h"
+#include "holba/frontend/detectors/onnx_points.h"
 #include "holba/frontend/importers/import_points.h"
 #include "holba/frontend/importers/import_regions.h"
 #include "holba/frontend/photographs/photograph.h"
@@ -48,6 +51,12 @@ class Extractor {
     is_found_.resize(plan_.images.size());
     if (options.structure && !options.imports.segments.empty()) ReadImportedSegments();
     if (!options.points_path.empty()) ReadImportedPoints();
+    // A fault of a model is that of the run, not of the first photograph.
+    if (!options.onnx_points_path.empty())
+      point_model_ = SharedOnnxModel(options.onnx_points_path, OnnxKind::kPoints);
+    const SegmentOptions& segments = options.extraction.segments;
+    if (options.structure && segments.detector == "onnx" && !segments.model_path.empty())
+      SharedOnnxModel(segments.model_path, OnnxKind::kSegments);
   }
 
   ExtractReport Run() {
@@ -149,8 +158,12 @@ class Extractor {
       const GreyImage photograph = ReadPhotograph(planned, &found->report);
       const std::optional<GreyImage> mask = MaskOfTask(task);
       if (wants_sift) {
-        found->points = DetectSift(options_.sift, photograph, mask ? &*mask : nullptr,
-                                   90.0 * QuarterTurnsToUpright(planned.header.exif));
+        const GreyImage* mask_or_null = mask ? &*mask : nullptr;
+        found->points =
+            point_model_
+                ? DetectOnnxPoints(*point_model_, ReadColourImage(planned.path), mask_or_null)
+                : DetectSift(options_.sift, photograph, mask_or_null,
+                             90.0 * QuarterTurnsToUpright(planned.header.exif));
         found->report.num_keypoints = found->points->keypoints.size();
       }
       if (wants_structure) {
@@ -300,6 +313,7 @@ class Extractor {
   std::optional<GreyImage> camera_mask_;
   std::map<image_t, ImportedSegments> imported_;  // by the ids of ModelOfPlan
   std::map<image_t, ImportedPoints> imported_points_;
+  std::shared_ptr<const DescribedModel> point_model_;  // null: SIFT
   ExtractReport report_;
   std::atomic<bool> is_stopped_ = false;
   std::mutex mutex_;  // of the database and of what follows
@@ -334,6 +348,10 @@ void ExtractOptions::Describe(OptionTable* table) const {
   table->Field("points_path", &points_path,
                "Key points and descriptors as hloc writes them (HDF5, npz, npy), used instead of "
                "SIFT.");
+  table->Section("Onnx");
+  table->Field("points_path", &onnx_points_path,
+               "JSON file that describes an ONNX model of yours, which finds key points and "
+               "descriptors instead of SIFT.");
   segment_import.Describe(table);
   region_normals.Describe(table);
   extraction.Describe(table);
@@ -343,6 +361,10 @@ void ExtractOptions::Describe(OptionTable* table) const {
 void ExtractOptions::Check() const {
   reader.Check();
   imports.Check();
+  if (!points_path.empty() && !onnx_points_path.empty()) {
+    throw InputError(
+        "--Import.points_path and --Onnx.points_path both bring key points; give one of them");
+  }
   if (!structure && (!imports.segments.empty() || !imports.labels.empty())) {
     throw InputError(
         "--Import.segments_path and --Import.labels_path must go with --Extraction.structure 1, as "

@@ -27,6 +27,8 @@ struct ExtractOptions {
   ImportPaths imports;
   // Key points and descriptors of another program (import_points.h), instead of SIFT; empty: SIFT.
   std::string points_path;
+  // JSON file of a user's ONNX model, instead of SIFT; empty: SIFT.
+  std::string onnx_points_path;
   SegmentImportOptions segment_import;
   RegionNormalOptions region_normals;
   ExtractionOptions extraction;

@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "holba/base/error.h"
+#include "holba/frontend/onnx/onnx_testing.h"
 #include "holba/frontend/photographs/exif_testing.h"
 #include "holba/pipeline/pipeline_testing.h"
 
@@ -365,6 +366,35 @@ TEST_F(Extract, RefusesOptionsThatDoNotGoTogether) {
   options_.image_list_path = Write("none.txt", "\n").string();
   EXPECT_THAT(MessageOfRun("a.db"),
               HasSubstr("expected the names of photographs, one a line, found none"));
+}
+
+TEST_F(Extract, AModelOfTheUserFindsThePointsInPlaceOfSift) {
+  HOLBA_SKIP_WITHOUT_ONNX_RUNTIME();
+  // Two points whatever the picture.
+  TinyModel()
+      .Input("x", TinyModel::kFloat, {1, 1, -1, -1})
+      .Output("k", TinyModel::kFloat, {2, 2})
+      .Output("d", TinyModel::kFloat, {2, 4})
+      .Constant<float>("points", {2, 2}, {10, 20, 30, 40})
+      .Constant<float>("looks", {2, 4}, {1, 0, 0, 0, 0, 1, 0, 0})
+      .Node("Identity", {"points"}, {"k"})
+      .Node("Identity", {"looks"}, {"d"})
+      .Write(folder_ / "m.onnx");
+  options_.onnx_points_path = Write("m.json", R"({"kind": "points", "model": "m.onnx",
+      "inputs": {"image": "x"}, "outputs": {"keypoints": "k", "descriptors": "d"}})");
+  options_.structure = false;
+  Run("a.db");
+  const Database database(DatabasePath("a.db"));
+  for (const auto& [id, image] : database.ReadImages()) {
+    EXPECT_EQ(database.ReadKeypoints(id)->data, (std::vector<float>{10.5f, 20.5f, 30.5f, 40.5f}));
+    EXPECT_EQ(database.ReadDescriptors(id)->type, -1);
+    EXPECT_EQ(database.ReadDescriptors(id)->num_bytes, 16);
+  }
+  // A fault of the model is that of the run.
+  options_.onnx_points_path = Write("n.json", "{}");
+  EXPECT_THAT(MessageOfRun("b.db"), testing::HasSubstr("n.json: 'kind': expected a text"));
+  options_.points_path = "points.h5";
+  EXPECT_THAT(MessageOfRun("c.db"), testing::HasSubstr("both bring key points; give one"));
 }
 
 }  // namespace

@@ -15,6 +15,9 @@
 #include "holba/base/timer.h"
 #include "holba/estimation/two_view/relative_pose.h"
 #include "holba/frontend/matching/guided_matching.h"
+#include "holba/frontend/matching/onnx_matching.h"
+#include "holba/frontend/matching/repetition.h"
+#include "holba/pipeline/settings.h"
 
 namespace holba {
 namespace {
@@ -26,6 +29,7 @@ struct MatchableImage {
   const DatabaseCamera* camera = nullptr;
   Keypoints keypoints;
   PackedDescriptors descriptors;
+  Descriptors as_stored;  // for a model that matches; else empty
 };
 
 // Images as they are needed; those that were not used for the longest time leave.
@@ -65,7 +69,7 @@ class ImageCache {
     MatchableImage image;
     image.camera = &cameras_.at(images_.at(id).camera_id);
     auto keypoints = database_.ReadKeypoints(id);
-    const auto descriptors = database_.ReadDescriptors(id);
+    auto descriptors = database_.ReadDescriptors(id);
     if (!keypoints || !descriptors) return image;
     if (descriptors->size() != 0 && descriptors->size() != keypoints->size()) {
       throw InputError(
@@ -77,6 +81,7 @@ class ImageCache {
     image.keypoints = std::move(*keypoints);
     image.descriptors =
         PackedDescriptors(*descriptors, static_cast<size_t>(options_.max_num_matches));
+    if (!options_.onnx_matcher_path.empty()) image.as_stored = std::move(*descriptors);
     return image;
   }
 
@@ -94,6 +99,7 @@ struct PairTask {
   PointMatches matches;
   TwoViewResult result;
   bool is_verified = false;  // was tried
+  std::optional<PairRepetition> repetition;
   double match_seconds = 0.0, verify_seconds = 0.0;
 };
 
@@ -115,44 +121,94 @@ std::vector<std::optional<Eigen::Vector2d>> Positions(const MatchableImage& imag
   return positions;
 }
 
-void MatchAgainGuided(const MatchPointsOptions& options, const MatchableImage& image1,
-                      const MatchableImage& image2, TwoViewGeometry* geometry) {
-  const bool is_calibrated =
-      image1.camera->has_prior_focal_length && image2.camera->has_prior_focal_length;
+bool AreCalibrated(const MatchableImage& image1, const MatchableImage& image2) {
+  return image1.camera->has_prior_focal_length && image2.camera->has_prior_focal_length;
+}
+
+// Of ideal pixels if both are calibrated, else of the pixels as they are. Empty: no geometry, or
+// several.
+std::optional<GuidingGeometry> GuideOf(const MatchPointsOptions& options,
+                                       const MatchableImage& image1, const MatchableImage& image2,
+                                       const TwoViewGeometry& geometry) {
   GuidingGeometry guide;
   guide.max_error_px = options.geometry.max_error;
-  switch (geometry->config) {
+  switch (geometry.config) {
     case TwoViewConfig::kCalibrated:
-      guide.F = CalibrationMatrix(image2.camera->camera).inverse().transpose() * *geometry->E *
+      guide.F = CalibrationMatrix(image2.camera->camera).inverse().transpose() * *geometry.E *
                 CalibrationMatrix(image1.camera->camera).inverse();
       break;
     case TwoViewConfig::kUncalibrated:
-      guide.F = geometry->F;
+      guide.F = geometry.F;
       break;
     case TwoViewConfig::kPlanar:
     case TwoViewConfig::kPanoramic:
     case TwoViewConfig::kPlanarOrPanoramic:
-      guide.H = geometry->H;
+      guide.H = geometry.H;
       break;
     default:
-      return;
+      return std::nullopt;
   }
+  return guide;
+}
+
+void MatchAgainGuided(const MatchPointsOptions& options, const MatchableImage& image1,
+                      const MatchableImage& image2, TwoViewGeometry* geometry) {
+  const auto guide = GuideOf(options, image1, image2, *geometry);
+  if (!guide) return;
+  const bool ideal = AreCalibrated(image1, image2);
   PointMatches guided =
-      MatchGuided(options.descriptors, guide, image1.descriptors, Positions(image1, is_calibrated),
-                  image2.descriptors, Positions(image2, is_calibrated))
+      MatchGuided(options.descriptors, *guide, image1.descriptors, Positions(image1, ideal),
+                  image2.descriptors, Positions(image2, ideal))
           .matches;
   if (guided.size() < static_cast<size_t>(options.geometry.min_num_inliers)) return;
   geometry->inlier_matches = std::move(guided);
 }
 
-void RunTask(const MatchPointsOptions& options, const ImageCache& images, PairTask* task) {
+std::optional<PairRepetition> Repetition(const MatchPointsOptions& options,
+                                         const MatchableImage& image1, const MatchableImage& image2,
+                                         const Neighbours& neighbours,
+                                         const TwoViewGeometry& geometry) {
+  const auto guide = GuideOf(options, image1, image2, geometry);
+  if (!guide || image1.descriptors.are_floats() != image2.descriptors.are_floats() ||
+      image1.descriptors.length() != image2.descriptors.length())
+    return std::nullopt;
+  // Matches of another program may name points beyond those that take part.
+  for (const auto& [idx1, idx2] : geometry.inlier_matches) {
+    if (idx1 >= image1.descriptors.size() || idx2 >= image2.descriptors.size()) return std::nullopt;
+  }
+  const bool ideal = AreCalibrated(image1, image2);
+  return MeasureRepetition(options.descriptors, *guide, neighbours, image1.descriptors,
+                           Positions(image1, ideal), image2.descriptors, Positions(image2, ideal),
+                           geometry.inlier_matches);
+}
+
+OnnxMatchEnd EndOf(const MatchableImage& image) {
+  const Camera& camera = image.camera->camera;
+  return {Eigen::Vector2d(static_cast<double>(camera.width), static_cast<double>(camera.height)),
+          &image.keypoints, &image.as_stored};
+}
+
+// `matcher`: null: by descriptors.
+void RunTask(const MatchPointsOptions& options, const OnnxMatcher* matcher,
+             const ImageCache& images, PairTask* task) {
   const MatchableImage* image1 = images.Find(task->pair.first);
   const MatchableImage* image2 = images.Find(task->pair.second);
   const double begin = ThreadSeconds();
   bool best_first = false;
+  const bool keep_repetition = options.keep_repetition && !options.skip_geometric_verification;
+  Neighbours neighbours;
+  const bool by_descriptors = !task->has_matches && matcher == nullptr;
+  if ((by_descriptors || keep_repetition) && image1 != nullptr && image2 != nullptr)
+    neighbours = FindNeighbours(image1->descriptors, image2->descriptors);
   if (!task->has_matches && image1 != nullptr && image2 != nullptr) {
-    task->matches =
-        MatchDescriptors(options.descriptors, image1->descriptors, image2->descriptors).matches;
+    task->matches = matcher != nullptr
+                        ? matcher
+                              ->Match(EndOf(*image1), EndOf(*image2),
+                                      static_cast<size_t>(options.max_num_matches))
+                              .matches
+                        : SelectMatches(options.descriptors, image1->descriptors.are_floats(),
+                                        neighbours.of_first, neighbours.of_second)
+                              .matches;
     best_first = true;
   }
   const double middle = ThreadSeconds();
@@ -170,11 +226,16 @@ void RunTask(const MatchPointsOptions& options, const ImageCache& images, PairTa
       {&image1->camera->camera, image1->camera->has_prior_focal_length, &image1->keypoints},
       {&image2->camera->camera, image2->camera->has_prior_focal_length, &image2->keypoints},
       task->matches, best_first, seed);
-  if (options.guided_matching) MatchAgainGuided(options, *image1, *image2, &task->result.geometry);
+  TwoViewGeometry& geometry = task->result.geometry;
+  if (options.guided_matching) MatchAgainGuided(options, *image1, *image2, &geometry);
+  std::sort(geometry.inlier_matches.begin(), geometry.inlier_matches.end());
+  if (keep_repetition)
+    task->repetition = Repetition(options, *image1, *image2, neighbours, geometry);
   task->verify_seconds = ThreadSeconds() - middle;
 }
 
-void Write(const std::vector<PairTask>& tasks, Database* database) {
+void Write(const MatchPointsOptions& options, const std::vector<PairTask>& tasks,
+           Database* database) {
   Database::Transaction transaction(database);
   for (const PairTask& task : tasks) {
     const auto& [id1, id2] = task.pair;
@@ -185,9 +246,11 @@ void Write(const std::vector<PairTask>& tasks, Database* database) {
       database->WriteMatches(id1, id2, ordered);
     }
     if (!task.is_verified) continue;
-    TwoViewGeometry geometry = task.result.geometry;
-    std::sort(geometry.inlier_matches.begin(), geometry.inlier_matches.end());
+    const TwoViewGeometry& geometry = task.result.geometry;
     database->WriteTwoViewGeometry(id1, id2, geometry);
+    if (!task.repetition) continue;
+    database->WritePairRepetition(id1, id2, RepetitionSettings(options.descriptors, geometry),
+                                  *task.repetition);
   }
   transaction.Commit();
 }
@@ -252,8 +315,23 @@ void MatchPointsOptions::Describe(OptionTable* table) const {
                "allows.");
   table->Field("skip_geometric_verification", &skip_geometric_verification,
                "Whether matches are left unverified.");
+  table->Field("keep_repetition", &keep_repetition,
+               "Whether the database keeps what each verified pair has several times (windows, "
+               "stairs).");
   descriptors.Describe(table);
   geometry.Describe(table);
+  table->Section("Onnx");
+  table->Field("matcher_path", &onnx_matcher_path,
+               "JSON file that describes an ONNX model of yours, which matches instead of the "
+               "nearest descriptors.");
+}
+
+std::string RepetitionSettings(const DescriptorMatchOptions& options,
+                               const TwoViewGeometry& geometry) {
+  const PointMatches& inliers = geometry.inlier_matches;
+  static_assert(sizeof(PointMatches::value_type) == 2 * sizeof(point2D_t));
+  return fmt::format("{} inliers={:016x}", SettingsText("repetition 1", options),
+                     HashBytes(inliers.data(), inliers.size() * sizeof(inliers[0])));
 }
 
 MatchPointsReport MatchPoints(const MatchPointsOptions& options,
@@ -268,6 +346,8 @@ MatchPointsReport MatchPoints(const MatchPointsOptions& options,
   const std::set<ImagePair> matched = to_set(database->MatchedPairs(0));
   const std::set<ImagePair> verified = to_set(database->VerifiedPairs(0));
 
+  std::optional<OnnxMatcher> matcher;
+  if (!options.onnx_matcher_path.empty()) matcher.emplace(options.onnx_matcher_path);
   ImageCache images(options, *database);
   std::set<image_t> seen, without_features;
   for (size_t begin = 0; begin < pairs.size(); begin += kGroupSize) {
@@ -288,9 +368,10 @@ MatchPointsReport MatchPoints(const MatchPointsOptions& options,
     for (image_t id : wanted) {
       if (images.Find(id) == nullptr) without_features.insert(id);
     }
-    ParallelTasks(options.num_threads, tasks.size(),
-                  [&](size_t i) { RunTask(options, images, &tasks[i]); });
-    if (!tasks.empty()) Write(tasks, database);
+    ParallelTasks(options.num_threads, tasks.size(), [&](size_t i) {
+      RunTask(options, matcher ? &*matcher : nullptr, images, &tasks[i]);
+    });
+    if (!tasks.empty()) Write(options, tasks, database);
     for (const PairTask& task : tasks) CountTask(task, &report);
     progress(std::min(begin + kGroupSize, pairs.size()));
   }

@@ -24,6 +24,8 @@ struct MatchPointsOptions {
   int max_num_matches = 32768;
   bool guided_matching = false;
   bool skip_geometric_verification = false;
+  bool keep_repetition = true;
+  std::string onnx_matcher_path;  // JSON file of a user's model that matches; empty: descriptors
   int max_images_in_memory = 100;
   int num_threads = -1;
 
@@ -49,10 +51,15 @@ struct MatchPointsReport {
   double match_cpu_seconds = 0.0, verify_cpu_seconds = 0.0;  // of all threads
 };
 
+// What a pair has several times (scene/pair_repetition.h) is kept with these settings: the limits
+// of matching, and the inliers that it was measured for. `geometry`: of the image with the smaller
+// id first.
+std::string RepetitionSettings(const DescriptorMatchOptions& options,
+                               const TwoViewGeometry& geometry);
+
 // Calls `progress` with the number of pairs that are done, after each group of pairs.
 MatchPointsReport MatchPoints(const MatchPointsOptions& options,
                               const std::vector<ImagePair>& pairs, Database* database,
                               const std::function<void(size_t num_done)>& progress);
-
 
 }  // namespace holba

@@ -10,6 +10,7 @@
 
 #include "holba/base/error.h"
 #include "holba/base/random.h"
+#include "holba/frontend/onnx/onnx_testing.h"
 #include "holba/geometry/angle.h"
 #include "holba/pipeline/pair_lists.h"
 
@@ -118,6 +119,57 @@ TEST_F(MatchPointsTest, CommonPointsAreMatchedAndVerified) {
     EXPECT_LT(RadToDeg(LogRotation(geometry->cam2_from_cam1->rotation).norm()),
               RadToDeg(0.05 * (id2 - id1)) + 0.3);
   }
+}
+
+TEST_F(MatchPointsTest, WhatIsThereSeveralTimesIsKeptForTheInliersItWasMeasuredFor) {
+  AddImages(2);
+  Database database(path_);
+  MatchPoints({}, {{1, 2}}, &database, IgnoreProgress);
+  const TwoViewGeometry geometry = *database.ReadTwoViewGeometry(1, 2);
+  const std::string settings = RepetitionSettings({}, geometry);
+  EXPECT_EQ(database.ReadPairRepetitionSettings(1, 2), settings);
+  const PairRepetition found = *database.ReadPairRepetition(1, 2, settings);
+  EXPECT_EQ(found.ratios.size(), geometry.inlier_matches.size());
+  EXPECT_GE(found.num_near[0], uint32_t{kNumPoints});
+  // All inliers passed the ratio test, from both sides.
+  for (const float ratio : found.ratios) EXPECT_LT(ratio, DescriptorMatchOptions().max_ratio);
+  // For other inliers it does not count.
+  TwoViewGeometry other = geometry;
+  other.inlier_matches.pop_back();
+  EXPECT_FALSE(database.ReadPairRepetition(1, 2, RepetitionSettings({}, other)).has_value());
+
+  AddImages(1);
+  MatchPointsOptions options;
+  options.keep_repetition = false;
+  MatchPoints(options, {{1, 3}}, &database, IgnoreProgress);
+  EXPECT_TRUE(database.ReadTwoViewGeometry(1, 3).has_value());
+  EXPECT_FALSE(database.ReadPairRepetitionSettings(1, 3).has_value());
+}
+
+TEST_F(MatchPointsTest, AModelOfTheUserMatchesInPlaceOfTheNearestDescriptors) {
+  HOLBA_SKIP_WITHOUT_ONNX_RUNTIME();
+  AddImages(2);
+  // Matches the points 10 to 49 with themselves, and the first with the second.
+  std::vector<int64_t> rows = {0, 1};
+  for (int64_t i = 10; i < 50; ++i) rows.insert(rows.end(), {i, i});
+  TinyModel model;
+  for (const char* name : {"k1", "k2"}) model.Input(name, TinyModel::kFloat, {1, -1, 2});
+  for (const char* name : {"d1", "d2"}) model.Input(name, TinyModel::kFloat, {1, -1, 128});
+  model.Output("m", TinyModel::kInt64, {41, 2})
+      .Constant<int64_t>("rows", {41, 2}, rows)
+      .Node("Identity", {"rows"}, {"m"})
+      .Write(folder_ / "m.onnx");
+  std::ofstream(folder_ / "m.json") << R"({"kind": "matcher", "model": "m.onnx",
+      "inputs": {"keypoints1": "k1", "keypoints2": "k2", "descriptors1": "d1",
+      "descriptors2": "d2"}, "outputs": {"matches": "m"}})";
+  Database database(path_);
+  MatchPointsOptions options;
+  options.onnx_matcher_path = (folder_ / "m.json").string();
+  MatchPoints(options, {{1, 2}}, &database, IgnoreProgress);
+  EXPECT_EQ(database.ReadMatches(1, 2)->size(), 41u);
+  const TwoViewGeometry geometry = *database.ReadTwoViewGeometry(1, 2);
+  EXPECT_GE(geometry.inlier_matches.size(), 38u);
+  for (const auto& match : geometry.inlier_matches) EXPECT_EQ(match[0], match[1]);
 }
 
 TEST_F(MatchPointsTest, AStoppedRunGoesOnToTheSameResult) {

@@ -5,12 +5,14 @@
 
 #include "holba/base/error.h"
 #include "holba/frontend/detectors/segment_lsd.h"
+#include "holba/frontend/detectors/segment_onnx.h"
 
 namespace holba {
 namespace {
 
 constexpr SegmentDetector kDetectors[] = {
     {"lsd", DetectWithLsd},
+    {"onnx", DetectWithOnnx},
 };
 
 }  // namespace
@@ -27,7 +29,10 @@ const SegmentDetector& FindSegmentDetector(std::string_view name) {
 
 void SegmentOptions::Describe(OptionTable* table) const {
   table->Section("Segments");
-  table->Field("detector", &detector, "What finds line segments in images: lsd.");
+  table->Field("detector", &detector,
+               "What finds line segments in images: lsd, or onnx, a model of yours.");
+  table->Field("model_path", &model_path,
+               "JSON file that describes the model of the detector onnx.");
   table->Field("lsd_scale", &lsd_scale, Between(0.1, 4.0),
                "Scale of the image at which LSD looks for segments.");
   table->Field("min_length_px", &min_length_px, AtLeast(2.0), "Shortest segment kept, pixels.");

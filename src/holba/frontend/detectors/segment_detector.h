@@ -16,6 +16,7 @@ namespace holba {
 
 struct SegmentOptions {
   std::string detector = "lsd";
+  std::string model_path;  // JSON file of a user's model (segment_onnx.h)
   // LSD works on the image at this scale. 0.8 is its authors' choice; 1.5 finds fewer and takes 3
   // to 4 times as long.
   double lsd_scale = 0.8;

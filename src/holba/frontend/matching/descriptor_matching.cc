@@ -31,7 +31,7 @@ void DescriptorMatchOptions::Describe(OptionTable* table) const {
 }
 
 PackedDescriptors::PackedDescriptors(const Descriptors& descriptors, size_t max_num) {
-  are_floats_ = descriptors.type == 1 || descriptors.type == 2;
+  are_floats_ = AreFloats(descriptors);
   size_ = std::min(descriptors.size(), max_num);
   const int entries = are_floats_ ? descriptors.num_bytes / 4 : descriptors.num_bytes;
   length_ = static_cast<int>(RoundUp(entries, 4));
@@ -216,17 +216,23 @@ DescriptorMatches SelectMatches(const DescriptorMatchOptions& options, bool are_
   return result;
 }
 
-DescriptorMatches MatchDescriptors(const DescriptorMatchOptions& options,
-                                   const PackedDescriptors& descriptors1,
-                                   const PackedDescriptors& descriptors2) {
-  DescriptorMatches result;
+Neighbours FindNeighbours(const PackedDescriptors& descriptors1,
+                          const PackedDescriptors& descriptors2) {
   if (descriptors1.size() == 0 || descriptors2.size() == 0 ||
       descriptors1.are_floats() != descriptors2.are_floats() ||
       descriptors1.length() != descriptors2.length()) {
-    return result;
+    return {std::vector<FoundNeighbour>(descriptors1.size()),
+            std::vector<FoundNeighbour>(descriptors2.size())};
   }
-  const DescriptorProduct product(descriptors1, descriptors2);
-  return SelectMatches(options, descriptors1.are_floats(), product.of_first, product.of_second);
+  DescriptorProduct product(descriptors1, descriptors2);
+  return {std::move(product.of_first), std::move(product.of_second)};
+}
+
+DescriptorMatches MatchDescriptors(const DescriptorMatchOptions& options,
+                                   const PackedDescriptors& descriptors1,
+                                   const PackedDescriptors& descriptors2) {
+  const Neighbours found = FindNeighbours(descriptors1, descriptors2);
+  return SelectMatches(options, descriptors1.are_floats(), found.of_first, found.of_second);
 }
 
 }  // namespace holba

@@ -26,11 +26,17 @@ struct DescriptorMatchOptions {
   void Describe(OptionTable* table) const;
 };
 
+// Floats of 32 bits: ALIKED's (types 1 and 2) and those of models of the user (-1); else bytes.
+inline bool AreFloats(const Descriptors& descriptors) {
+  return descriptors.type == 1 || descriptors.type == 2 ||
+         (descriptors.type == -1 && descriptors.num_bytes % 4 == 0);
+}
+
 // The descriptors of an image as the product wants them.
 class PackedDescriptors {
  public:
   PackedDescriptors() = default;
-  // The first max_num of them. Types 1 and 2 (ALIKED) are floats, all others bytes.
+  // The first max_num of them.
   PackedDescriptors(const Descriptors& descriptors, size_t max_num);
 
   size_t size() const { return size_; }
@@ -69,6 +75,14 @@ struct FoundNeighbour {
 DescriptorMatches SelectMatches(const DescriptorMatchOptions& options, bool are_floats,
                                 const std::vector<FoundNeighbour>& of_first,
                                 const std::vector<FoundNeighbour>& of_second);
+
+// Of all descriptors of two images.
+struct Neighbours {
+  std::vector<FoundNeighbour> of_first, of_second;
+};
+// Images whose descriptors are of different kinds or lengths have none.
+Neighbours FindNeighbours(const PackedDescriptors& descriptors1,
+                          const PackedDescriptors& descriptors2);
 
 // Images whose descriptors are of different kinds or lengths have no matches.
 DescriptorMatches MatchDescriptors(const DescriptorMatchOptions& options,

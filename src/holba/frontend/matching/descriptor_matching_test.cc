@@ -48,6 +48,26 @@ Descriptors ToFloats(const Descriptors& bytes) {
   return floats;
 }
 
+TEST(DescriptorMatching, FloatsOfTheTypeUndefinedAreFloats) {
+  Random random(9);
+  Descriptors aliked;
+  aliked.type = 1;
+  aliked.num_bytes = 4 * 64;
+  for (int k = 0; k < 50 * 64; ++k) {
+    const auto value = static_cast<float>(random.Normal());
+    const auto* bytes = reinterpret_cast<const uint8_t*>(&value);
+    aliked.data.insert(aliked.data.end(), bytes, bytes + 4);
+  }
+  Descriptors undefined = aliked;
+  undefined.type = -1;
+  const PackedDescriptors a(aliked, 100), b(undefined, 100);
+  EXPECT_TRUE(b.are_floats());
+  EXPECT_EQ(b.length(), 64);
+  EXPECT_EQ(MatchDescriptors({}, a, b).matches.size(), 50u);
+  undefined.type = 0;
+  EXPECT_FALSE(PackedDescriptors(undefined, 100).are_floats());
+}
+
 // By the definition, one pair after the other.
 PointMatches Plain(const DescriptorMatchOptions& options, const PackedDescriptors& a,
                    const PackedDescriptors& b) {

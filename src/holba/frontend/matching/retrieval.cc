@@ -9,6 +9,7 @@
 
 #include "holba/base/random.h"
 #include "holba/base/threads.h"
+#include "holba/frontend/matching/descriptor_matching.h"
 
 namespace holba {
 namespace {
@@ -17,7 +18,7 @@ using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajo
 
 // `count` of the descriptors, evenly spread, as unit vectors.
 Rows Sample(const Descriptors& descriptors, size_t count) {
-  const bool are_floats = descriptors.type == 1 || descriptors.type == 2;
+  const bool are_floats = AreFloats(descriptors);
   const size_t length = are_floats ? descriptors.num_bytes / 4 : descriptors.num_bytes;
   const size_t size = descriptors.size(), kept = std::min(size, count);
   Rows rows(kept, length);
