@@ -7,12 +7,16 @@
 
 #include "apps/bench/accuracy.h"
 #include "apps/bench/local_bench.h"
+#if defined(HOLBA_WITH_FRONTEND)
+#include "apps/bench/sfm_bench.h"
+#endif
 #include "apps/bench/solver_bench.h"
 #include "apps/bench/timing.h"
 #include "apps/bench/two_view_bench.h"
 #include "apps/bench/vp_detection.h"
 #include "apps/command.h"
 #include "holba/base/error.h"
+#include "holba/synthetic/photo_set.h"
 
 namespace holba {
 namespace {
@@ -24,7 +28,8 @@ enum class Benchmark {
   kSolver,
   kLocal,
   kVpDetection,
-  kTwoView
+  kTwoView,
+  kSfm
 };
 enum class VisibilityChoice { kDefault, kRandom, kNear, kCluster, kBoth };
 enum class SchurChoice { kDense, kSparse, kBoth };
@@ -56,14 +61,28 @@ class BenchJob : public Job {
                    {"solver", Benchmark::kSolver},
                    {"local", Benchmark::kLocal},
                    {"vp_detection", Benchmark::kVpDetection},
-                   {"two_view", Benchmark::kTwoView}},
+                   {"two_view", Benchmark::kTwoView},
+                   {"sfm", Benchmark::kSfm}},
                   "Which benchmark (time per iteration of the four configurations; the same of the "
                   "2D and 3D form of the wireframe; errors against the truth; the native solver "
                   "against Ceres; a part of a model against the part alone; vanishing points in "
-                  "photographs against labelled ones; relative poses of pairs of views).");
+                  "photographs against labelled ones; relative poses of pairs of views; mapping of "
+                  "synthetic databases).");
     table->Field("num_images", &num_images_, AtLeast(10),
                  "Sizes of the scenes, by default 100,200,500,1000; wireframe_form: 100,200,500; "
-                 "accuracy, which takes one: 100; local, which takes one: 2000.");
+                 "accuracy, which takes one: 100; local, which takes one: 2000; sfm: 100.");
+    table
+        ->Choice("scene", &photos_.scene,
+                 {{"sphere", PhotoSceneKind::kSphere},
+                  {"street", PhotoSceneKind::kStreet},
+                  {"collection", PhotoSceneKind::kCollection}},
+                 "Scene of the databases of the benchmark sfm.")
+        .Advanced();
+    table
+        ->Field("structures", &structures_,
+                "Structure of the mapper in the benchmark sfm, as a list of values of "
+                "--Mapper.structure.")
+        .Advanced();
     table->Field("seed", &scene_.seed, AnyValue(), "First seed of the scenes.");
     table->Choice("visibility", &visibility_,
                   {{"default", VisibilityChoice::kDefault},
@@ -146,6 +165,7 @@ class BenchJob : public Job {
     solver_.Describe(table);
     vanishing_points_.Describe(table);
     two_view_.Describe(table);
+    photos_.Describe(table);
   }
 
   void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
@@ -161,6 +181,8 @@ class BenchJob : public Job {
       RunVpDetection(invocation);
     } else if (benchmark_ == Benchmark::kTwoView) {
       RunTwoView(invocation);
+    } else if (benchmark_ == Benchmark::kSfm) {
+      RunSfm(invocation);
     } else {
       RunTiming(invocation);
     }
@@ -253,6 +275,22 @@ class BenchJob : public Job {
     Print(invocation, {RelativePoseTable(results)}, RelativePosesToJson(results));
   }
 
+  void RunSfm([[maybe_unused]] const Invocation& invocation) const {
+#if defined(HOLBA_WITH_FRONTEND)
+    SfmBenchOptions options;
+    options.photos = photos_;
+    options.photos.seed = scene_.seed;
+    options.num_images = Sizes({100});
+    options.structures = SplitAtCommas(structures_);
+    options.num_threads = solver_.num_threads;
+    options.quiet = invocation.quiet;
+    const SfmBenchReport report = BenchSfm(options);
+    Print(invocation, report.tables, report.results);
+#else
+    throw InputError("--benchmark: sfm must have the mapper; build with HOLBA_WITH_FRONTEND=ON");
+#endif
+  }
+
   void RunTiming(const Invocation& invocation) const {
     TimingOptions options;
     options.num_images = benchmark_ == Benchmark::kIterations ? Sizes({100, 200, 500, 1000})
@@ -300,6 +338,7 @@ class BenchJob : public Job {
       "near_holistic_100";
   std::string solvers_;
   std::vector<double> threads_ = {1, 2};
+  std::string structures_ = "none,lines,groups,holistic";
   bool camera_per_image_ = false;
   int calls_ = 200;
   double max_run_seconds_ = 120.0;
@@ -307,6 +346,7 @@ class BenchJob : public Job {
   SolverOptions solver_;
   VanishingPointOptions vanishing_points_;
   TwoViewOptions two_view_;
+  PhotoSetOptions photos_;
 };
 
 }  // namespace
@@ -346,6 +386,9 @@ Command BenchCommand() {
           "their label's.\n\n"
           "two_view: the essential matrix of each pair of --input_path, with the options "
           "TwoViewGeometry, and the pose in it; processor time of one thread.\n\n"
+          "sfm: `holba map` on databases of --num_images images as `holba synthesize "
+          "--database_path` makes them (--scene, --seed, --Database.*), with each of --structures: "
+          "adjustments and their iterations, what was reconstructed, pose AUC against the truth.\n\n"
           "What a benchmark compares, it sets itself: Bundle.config, and for times "
           "Bundle.wireframe_form, Solver.linear_solver, the tolerances and "
           "Solver.max_num_iterations. A point or line loss auto counts as Cauchy at its scale in "
