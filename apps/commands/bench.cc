@@ -8,12 +8,16 @@
 #include "apps/bench/accuracy.h"
 #include "apps/bench/local_bench.h"
 #include "apps/bench/registration_bench.h"
+#if defined(HOLBA_WITH_FRONTEND)
+#include "apps/bench/sfm_bench.h"
+#endif
 #include "apps/bench/solver_bench.h"
 #include "apps/bench/timing.h"
 #include "apps/bench/two_view_bench.h"
 #include "apps/bench/vp_detection.h"
 #include "apps/command.h"
 #include "holba/base/error.h"
+#include "holba/synthetic/photo_set.h"
 
 namespace holba {
 namespace {
@@ -26,7 +30,8 @@ enum class Benchmark {
   kLocal,
   kVpDetection,
   kTwoView,
-  kRegistration
+  kRegistration,
+  kSfm
 };
 enum class VisibilityChoice { kDefault, kRandom, kNear, kCluster, kBoth };
 enum class SchurChoice { kDense, kSparse, kBoth };
@@ -62,15 +67,29 @@ class BenchJob : public Job {
                    {"local", Benchmark::kLocal},
                    {"vp_detection", Benchmark::kVpDetection},
                    {"two_view", Benchmark::kTwoView},
-                   {"registration", Benchmark::kRegistration}},
+                   {"registration", Benchmark::kRegistration},
+                   {"sfm", Benchmark::kSfm}},
                   "Which benchmark (time per iteration of the four configurations; the same of the "
                   "2D and 3D form of the wireframe; errors against the truth; the native solver "
                   "against Ceres; a part of a model against the part alone; vanishing points in "
                   "photographs against labelled ones; relative poses of pairs of views; poses of "
-                  "images in a model from points, lines and directions).");
+                  "images in a model from points, lines and directions; mapping of synthetic "
+                  "databases).");
     table->Field("num_images", &num_images_, AtLeast(10),
                  "Sizes of the scenes, by default 100,200,500,1000; wireframe_form: 100,200,500; "
-                 "accuracy, which takes one: 100; local, which takes one: 2000.");
+                 "accuracy, which takes one: 100; local, which takes one: 2000; sfm: 100.");
+    table
+        ->Choice("scene", &photos_.scene,
+                 {{"sphere", PhotoSceneKind::kSphere},
+                  {"street", PhotoSceneKind::kStreet},
+                  {"collection", PhotoSceneKind::kCollection}},
+                 "Scene of the databases of the benchmark sfm.")
+        .Advanced();
+    table
+        ->Field("structures", &structures_,
+                "Structure of the mapper in the benchmark sfm, as a list of values of "
+                "--Mapper.structure.")
+        .Advanced();
     table->Field("seed", &scene_.seed, AnyValue(), "First seed of the scenes.");
     table->Choice("visibility", &visibility_,
                   {{"default", VisibilityChoice::kDefault},
@@ -159,6 +178,7 @@ class BenchJob : public Job {
                  "Whether the benchmark registration gives the images' focal length.")
         .Advanced();
     registration_.Describe(table);
+    photos_.Describe(table);
   }
 
   void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
@@ -176,6 +196,8 @@ class BenchJob : public Job {
       RunTwoView(invocation);
     } else if (benchmark_ == Benchmark::kRegistration) {
       RunRegistration(invocation);
+    } else if (benchmark_ == Benchmark::kSfm) {
+      RunSfm(invocation);
     } else {
       RunTiming(invocation);
     }
@@ -281,6 +303,22 @@ class BenchJob : public Job {
     Print(invocation, {table}, rows);
   }
 
+  void RunSfm([[maybe_unused]] const Invocation& invocation) const {
+#if defined(HOLBA_WITH_FRONTEND)
+    SfmBenchOptions options;
+    options.photos = photos_;
+    options.photos.seed = scene_.seed;
+    options.num_images = Sizes({100});
+    options.structures = SplitAtCommas(structures_);
+    options.num_threads = solver_.num_threads;
+    options.quiet = invocation.quiet;
+    const SfmBenchReport report = BenchSfm(options);
+    Print(invocation, report.tables, report.results);
+#else
+    throw InputError("--benchmark: sfm must have the mapper; build with HOLBA_WITH_FRONTEND=ON");
+#endif
+  }
+
   void RunTiming(const Invocation& invocation) const {
     TimingOptions options;
     options.num_images = benchmark_ == Benchmark::kIterations ? Sizes({100, 200, 500, 1000})
@@ -328,6 +366,7 @@ class BenchJob : public Job {
       "near_holistic_100";
   std::string solvers_;
   std::vector<double> threads_ = {1, 2};
+  std::string structures_ = "none,lines,groups,holistic";
   bool camera_per_image_ = false;
   int calls_ = 200;
   double max_run_seconds_ = 120.0;
@@ -337,6 +376,7 @@ class BenchJob : public Job {
   TwoViewOptions two_view_;
   AbsolutePoseOptions registration_;
   bool focal_is_known_ = true;
+  PhotoSetOptions photos_;
 };
 
 }  // namespace
@@ -382,6 +422,9 @@ Command BenchCommand() {
           "--num_seeds images of each. Shown: images within 2 degrees and 0.1 units of the truth, "
           "the median error of the centre in units, and processor time. Or the views of "
           "--input_path.\n\n"
+          "sfm: `holba map` on databases of --num_images images as `holba synthesize "
+          "--database_path` makes them (--scene, --seed, --Database.*), with each of --structures: "
+          "adjustments and their iterations, what was reconstructed, pose AUC against the truth.\n\n"
           "What a benchmark compares, it sets itself: Bundle.config, and for times "
           "Bundle.wireframe_form, Solver.linear_solver, the tolerances and "
           "Solver.max_num_iterations. A point or line loss auto counts as Cauchy at its scale in "

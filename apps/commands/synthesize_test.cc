@@ -14,8 +14,10 @@
 #include "apps/command.h"
 #include "holba/base/error.h"
 #include "holba/evaluation/pose_auc.h"
+#include "holba/io/database.h"
 #include "holba/io/model_io.h"
 #include "holba/synthetic/bundle_problem.h"
+#include "holba/synthetic/photo_set.h"
 
 namespace holba {
 namespace {
@@ -158,6 +160,40 @@ TEST_F(SynthesizeCommand, LetsEvaluatePosesTakeTheLargestOfSeveralModels) {
   EXPECT_EQ(evaluate(folder_ / "models" / "0")["registered"], 10);
   EXPECT_EQ(evaluate(folder_ / "models")["registered"], 20);
   EXPECT_THROW(evaluate(folder_ / "none"), InputError);
+}
+
+TEST_F(SynthesizeCommand, WritesADatabaseAndItsTruth) {
+  const fs::path database_path = folder_ / "new" / "a.db";
+  const std::map<std::string, std::string> options = {{"database_path", database_path.string()},
+                                                      {"output_path", (folder_ / "truth").string()},
+                                                      {"seed", "2"},
+                                                      {"num_images", "50"},
+                                                      {"Database.scene", "collection"}};
+  RunCommand("synthesize", options);
+  PhotoSetOptions photos;
+  photos.scene = PhotoSceneKind::kCollection;
+  photos.seed = 2;
+  photos.num_images = 50;
+  const PhotoSet set = MakePhotoSet(photos);
+  EXPECT_EQ(ReadModel(folder_ / "truth").points3D.size(), set.truth.points3D.size());
+  EXPECT_EQ(Database(database_path).VerifiedPairs(1).size(), set.pairs.size());
+  EXPECT_FALSE(fs::exists(database_path.string() + "-wal"));
+  // One that is there is not added to.
+  EXPECT_THAT([&] { RunCommand("synthesize", options); },
+              ::testing::ThrowsMessage<InputError>(::testing::HasSubstr("without images")));
+}
+
+TEST_F(SynthesizeCommand, OptionsOfADatabaseAndOfAdjustmentProblemsDoNotMix) {
+  using ::testing::HasSubstr;
+  const std::string path = (folder_ / "a").string();
+  EXPECT_THAT([&] { RunCommand("synthesize", {{"database_path", path}, {"vps", "1"}}); },
+              ::testing::ThrowsMessage<InputError>(HasSubstr("--database_path")));
+  for (const auto& [name, value] : std::map<std::string, std::string>{
+           {"Database.scene", "sphere"}, {"Database.wrong_pairs", "0.1"}}) {
+    EXPECT_THAT([&] { RunCommand("synthesize", {{"output_path", path}, {name, value}}); },
+                ::testing::ThrowsMessage<InputError>(HasSubstr("--Database.*")));
+  }
+  EXPECT_FALSE(fs::exists(path));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "holba/io/database_graph.h"
 #include "holba/io/database_scene.h"
 #include "holba/pipeline/image_structure.h"
+#include "holba/pipeline/match_lines.h"
 #include "holba/pipeline/photograph_folder.h"
 
 namespace holba {
@@ -24,10 +25,32 @@ ImageFeatureMap StoredStructure(const VanishingPointOptions& vps, const Database
     features.segments = std::move(*segments);
     if (auto descriptors = database.ReadSegmentDescriptors(id, *settings))
       features.segment_descriptors = std::move(*descriptors);
+    const auto vp_settings = database.ReadVanishingPointSettings(id);
+    if (auto stored = vp_settings ? database.ReadVanishingPoints(id, *vp_settings) : std::nullopt) {
+      features.vanishing_points = std::move(stored->points);
+      features.vp_of_segment = std::move(stored->vp_of_segment);
+      continue;
+    }
     const auto camera = cameras.find(image.camera_id);
     if (camera != cameras.end()) FindVanishingPoints(vps, camera->second.camera, &features);
   }
   return all;
+}
+
+// Of pairs whose segments cannot be matched, for want of descriptors, what the database has of
+// their matches, whoever made them.
+void AddStoredLineMatches(const std::vector<ImagePair>& pairs, const ImageFeatureMap& features,
+                          const Database& database, LineMatchMap* matches) {
+  const auto is_described = [&](image_t id) {
+    const auto found = features.find(id);
+    return found != features.end() && !found->second.segment_descriptors.empty();
+  };
+  for (const auto& [id1, id2] : pairs) {
+    if (is_described(id1) && is_described(id2)) continue;
+    std::vector<LineMatch> mutual =
+        MutualNearest(StoredLineMatches(database, id1, id2), kMaxLineMatchRatio);
+    if (!mutual.empty()) (*matches)[{id1, id2}] = std::move(mutual);
+  }
 }
 
 // All images as if they had poses: what is found in single photographs asks for none.
@@ -59,8 +82,10 @@ MappingData ReadMappingData(const MappingDataOptions& options, const DetectionOp
   }
   LineMatchMap line_matches;
   if (!data.input.features.empty()) {
-    data.segments = MatchSegmentsOfPairs(matching, database->VerifiedPairs(options.min_num_matches),
-                                         options.num_threads, database, &line_matches);
+    const std::vector<ImagePair> pairs = database->VerifiedPairs(options.min_num_matches);
+    data.segments =
+        MatchSegmentsOfPairs(matching, pairs, options.num_threads, database, &line_matches);
+    AddStoredLineMatches(pairs, data.input.features, *database, &line_matches);
   }
   DatabaseScene scene = ReadScene(*database, data.input.features);
   data.scene = std::move(scene.scene);

@@ -22,6 +22,11 @@ bool HaveSegments(const ImageFeatureMap& features, const ImagePair& pair) {
   return !features.at(pair.first).segments.empty() && !features.at(pair.second).segments.empty();
 }
 
+bool AreDescribed(const ImageFeatureMap& features, const ImagePair& pair) {
+  return !features.at(pair.first).segment_descriptors.empty() &&
+         !features.at(pair.second).segment_descriptors.empty();
+}
+
 void ImportMatches(const std::string& import_path, const Reconstruction& model,
                    const ImageFeatureMap& features, const std::map<image_t, image_t>& database_id,
                    const std::map<image_t, ImportedSegments>& imported, Database* database,
@@ -58,8 +63,8 @@ struct PairTask {
 // All that the matches of a pair depend on but the segments: these are the stored ones (new ones
 // remove their matches).
 std::string SettingsOfPair(const std::string& matching, const Reconstruction& model,
-                       const ImagePair& pair, const std::vector<SharedPoint>& points,
-                       const Eigen::Matrix3d& F) {
+                           const ImagePair& pair, const std::vector<SharedPoint>& points,
+                           const Eigen::Matrix3d& F) {
   static_assert(sizeof(SharedPoint) == 4 * sizeof(double));
   const auto camera_of = [&](image_t id) {
     return ToString(model.cameras.at(model.images.at(id).camera_id));
@@ -117,6 +122,12 @@ LineMatchMap MatchLines(const MatchLinesOptions& options, const std::string& imp
       matches.emplace(pair, std::vector<LineMatch>{});
       continue;
     }
+    if (!AreDescribed(features, pair)) {
+      matches.emplace(pair, StoredLineMatches(*database, database_id.at(pair.first),
+                                              database_id.at(pair.second)));
+      ++report->pairs_reused;
+      continue;
+    }
     const Eigen::Matrix3d F = FundamentalMatrix(views.at(pair.first), views.at(pair.second));
     std::string settings = SettingsOfPair(text, model, pair, points, F);
     auto stored = database->ReadLineMatches(database_id.at(pair.first), database_id.at(pair.second),
@@ -141,6 +152,14 @@ LineMatchMap MatchLines(const MatchLinesOptions& options, const std::string& imp
   for (const auto& [pair, list] : matches) report->num_line_matches += list.size();
   report->match_seconds = timer.Seconds();
   return matches;
+}
+
+std::vector<LineMatch> StoredLineMatches(const Database& database, image_t image_id1,
+                                         image_t image_id2) {
+  const auto settings = database.ReadLineMatchSettings(image_id1, image_id2);
+  if (!settings) return {};
+  return database.ReadLineMatches(image_id1, image_id2, *settings)
+      .value_or(std::vector<LineMatch>());
 }
 
 std::string MatchingText(const MatchLinesReport& report) {

@@ -5,6 +5,7 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
 #include "holba/base/options.h"
 #include "holba/frontend/importers/import_segments.h"
@@ -33,12 +34,17 @@ struct MatchLinesReport {
 };
 
 // `database_id`: Database::MatchImages. `import_path`: file of matches of the segments `imported`,
-// used instead of ours; empty: none.
+// used instead of ours; empty: none. Pairs whose segments have no descriptors, which another
+// program brought, have the matches that the database has of them.
 LineMatchMap MatchLines(const MatchLinesOptions& options, const std::string& import_path,
                         const Reconstruction& model, const ImageFeatureMap& features,
                         const std::map<image_t, image_t>& database_id,
                         const std::map<image_t, ImportedSegments>& imported, Database* database,
                         MatchLinesReport* report);
+
+// What the database has of a pair, whoever made it; empty: nothing.
+std::vector<LineMatch> StoredLineMatches(const Database& database, image_t image_id1,
+                                         image_t image_id2);
 
 // One line, for the log.
 std::string MatchingText(const MatchLinesReport& report);

@@ -15,6 +15,7 @@
 #include "holba/synthetic/group_start.h"
 #include "holba/synthetic/synthetic_associations.h"
 #include "holba/synthetic/synthetic_cameras.h"
+#include "holba/synthetic/synthetic_model.h"
 #include "holba/synthetic/synthetic_structure.h"
 #include "holba/synthetic/synthetic_tracks.h"
 
@@ -125,17 +126,7 @@ Reconstruction MakeImages(const SyntheticCameras& cameras) {
   return model;
 }
 
-// Id of the k-th feature or group.
-uint64_t IdOf(size_t k) { return k + 1; }
 image_t ImageIdOf(size_t k) { return static_cast<image_t>(k + 1); }
-
-Line3D MakeLine(const Segment3d& segment) {
-  Line3D line;
-  line.line = PlueckerLine::FromPoints(segment[0], segment[1]);
-  line.start = segment[0];
-  line.end = segment[1];
-  return line;
-}
 
 // Points and lines with their tracks and noisy observations.
 void AddFeatures(const SyntheticStructure& structure, const SyntheticTracks& tracks,
@@ -160,72 +151,21 @@ void AddFeatures(const SyntheticStructure& structure, const SyntheticTracks& tra
     for (const uint32_t i : tracks.points[p]) {
       auto& points2D = model->images.at(ImageIdOf(i)).points2D;
       point.track.push_back({ImageIdOf(i), static_cast<point2D_t>(points2D.size())});
-      points2D.push_back({observe(i, point.xyz), IdOf(p)});
+      points2D.push_back({observe(i, point.xyz), SyntheticIdOf(p)});
     }
-    model->points3D.Add(IdOf(p), std::move(point));
+    model->points3D.Add(SyntheticIdOf(p), std::move(point));
   }
   model->lines3D.Reserve(structure.segments.size());
   for (size_t l = 0; l < structure.segments.size(); ++l) {
-    Line3D line = MakeLine(structure.segments[l]);
+    Line3D line = MakeSyntheticLine(structure.segments[l]);
     line.rgb = structure.plane_of_line[l] >= 0 ? kOnGroup : kFloating;
     for (const uint32_t i : tracks.lines[l]) {
       auto& lines2D = model->images.at(ImageIdOf(i)).lines2D;
       line.track.push_back({ImageIdOf(i), static_cast<line2D_t>(lines2D.size())});
       const Eigen::Vector2d start = observe(i, line.start);
-      lines2D.push_back({{start, observe(i, line.end)}, IdOf(l)});
+      lines2D.push_back({{start, observe(i, line.end)}, SyntheticIdOf(l)});
     }
-    model->lines3D.Add(IdOf(l), std::move(line));
-  }
-}
-
-// Groups with their 2D observations, wireframe and relations of `structure`, whose features the
-// model has.
-void AddAssociations(const SyntheticStructure& structure, Reconstruction* model) {
-  for (size_t k = 0; k < structure.groups.size(); ++k) {
-    const SyntheticGroup& source = structure.groups[k];
-    Group3D group;
-    group.type = source.type;
-    group.params = source.params;
-    // (image, is line, index), sorted: one Group2D for each image.
-    std::vector<std::tuple<image_t, bool, uint32_t>> seen;
-    for (const uint32_t p : source.points) {
-      group.point3D_ids.push_back(IdOf(p));
-      for (const PointObservation& o : model->points3D.at(IdOf(p)).track) {
-        seen.emplace_back(o.image_id, false, o.point2D_idx);
-      }
-    }
-    for (const uint32_t l : source.lines) {
-      group.line3D_ids.push_back(IdOf(l));
-      for (const LineObservation& o : model->lines3D.at(IdOf(l)).track) {
-        seen.emplace_back(o.image_id, true, o.line2D_idx);
-      }
-    }
-    std::sort(seen.begin(), seen.end());
-    Group2D* in_image = nullptr;
-    for (const auto& [image_id, is_line, idx] : seen) {
-      if (group.observations.empty() || group.observations.back().image_id != image_id) {
-        auto& groups2D = model->images.at(image_id).groups2D;
-        group.observations.push_back({image_id, static_cast<group2D_t>(groups2D.size())});
-        groups2D.push_back({group.type, IdOf(k), {}, {}});
-        in_image = &groups2D.back();
-      }
-      (is_line ? in_image->line2D_idxs : in_image->point2D_idxs).push_back(idx);
-    }
-    model->groups3D.Add(IdOf(k), std::move(group));
-  }
-  for (const SyntheticEdge& edge : structure.edges) {
-    const auto& line_track = model->lines3D.at(IdOf(edge.line)).track;
-    uint64_t num_images = 0;
-    for (const PointObservation& o : model->points3D.at(IdOf(edge.point)).track) {
-      num_images += std::any_of(line_track.begin(), line_track.end(),
-                                [&](const LineObservation& l) { return l.image_id == o.image_id; });
-    }
-    // A pair that no image of both tracks shows was still seen to meet somewhere.
-    model->wireframe.push_back(
-        {IdOf(edge.point), IdOf(edge.line), std::max<uint64_t>(1, num_images)});
-  }
-  for (const SyntheticRelation& relation : structure.relations) {
-    model->relations.push_back({IdOf(relation.group1), IdOf(relation.group2), relation.type});
+    model->lines3D.Add(SyntheticIdOf(l), std::move(line));
   }
 }
 
@@ -351,7 +291,7 @@ SyntheticProblem MakeBundleProblem(const BundleProblemOptions& options) {
   PerturbPoses(options, &problem.perturbed);
   for (auto& [id, point] : problem.perturbed.points3D) point.xyz = noisy.points[id - 1];
   for (auto& [id, line] : problem.perturbed.lines3D) {
-    Line3D moved = MakeLine(noisy.segments[id - 1]);
+    Line3D moved = MakeSyntheticLine(noisy.segments[id - 1]);
     line.line = moved.line;
     line.start = moved.start;
     line.end = moved.end;
