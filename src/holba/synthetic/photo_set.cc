@@ -364,10 +364,8 @@ void PhotoSetOptions::Describe(OptionTable* table) const {
       ->Field("point_noise_px", &point_noise_px, AtLeast(0),
               "Standard deviation of keypoints, per coordinate.")
       .Basic();
-  table
-      ->Field("segment_noise_px", &segment_noise_px, AtLeast(0),
-              "Standard deviation of the ends of segments, across these.")
-      .Basic();
+  table->Field("segment_noise_px", &segment_noise_px, AtLeast(0),
+               "Standard deviation of the ends of segments, across these.");
   table
       ->Choice("focal_length", &focal_length,
                {{"exact", FocalLengthPrior::kExact},
@@ -388,23 +386,17 @@ void PhotoSetOptions::Describe(OptionTable* table) const {
                "Angle between the rays of two images up to which a feature is matched.");
   table->Field("max_match_scale", &max_match_scale, AtLeast(1.1),
                "Ratio of a feature's sizes in two images up to which it is matched.");
-  table
-      ->Field("missing_matches", &missing_matches, Between(0, 0.9),
-              "Share of the matches of points and of segments that are missing.")
-      .Basic();
+  table->Field("missing_matches", &missing_matches, Between(0, 0.9),
+               "Share of the matches of points and of segments that are missing.");
   table
       ->Field("wrong_matches", &wrong_matches, Between(0, 0.5),
               "Share of the verified matches of points that are wrong: near the epipolar line.")
       .Basic();
-  table
-      ->Field("wrong_pairs", &wrong_pairs, Between(0, 0.5),
-              "Share of the verified pairs that are wrong: a part of the scene matched with its "
-              "copy, all matches in agreement.")
-      .Basic();
-  table
-      ->Field("wrong_line_matches", &wrong_line_matches, Between(0, 0.9),
-              "Share of the matches of segments that are wrong.")
-      .Basic();
+  table->Field("wrong_pairs", &wrong_pairs, Between(0, 0.5),
+               "Share of the verified pairs that are wrong: a part of the scene matched with its "
+               "copy, all matches in agreement.");
+  table->Field("wrong_line_matches", &wrong_line_matches, Between(0, 0.9),
+               "Share of the matches of segments that are wrong.");
   table->Field("rejected_matches", &rejected_matches, Between(0, 0.8),
                "Share of the raw matches of points that verification removes.");
   sightings.Describe(table);

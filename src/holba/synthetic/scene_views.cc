@@ -227,10 +227,8 @@ std::vector<Track> SeeAll(size_t num_features, uint64_t seed, int num_threads,
 }  // namespace
 
 void VisibilityOptions::Describe(OptionTable* table) const {
-  table
-      ->Field("mean_track_length", &mean_track_length, Between(3, 1000),
-              "Mean number of images that a feature is found in, where so many could see it.")
-      .Basic();
+  table->Field("mean_track_length", &mean_track_length, Between(3, 1000),
+               "Mean number of images that a feature is found in, where so many could see it.");
   table->Field("max_track_length", &max_track_length, AtLeast(3),
                "Most images that a feature is found in.");
   table->Field("max_view_angle_deg", &max_view_angle_deg, Between(10, 89),
