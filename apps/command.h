@@ -43,6 +43,8 @@ struct Command {
   std::string summary;  // one sentence without a full stop, for the table of commands
   std::string details;  // further paragraphs of `holba NAME --help`; may be empty
   bool supports_json = false;
+  // Sections whose options the short help leaves out, though they are basic in other commands.
+  std::vector<std::string> advanced_sections = {};
   std::function<std::unique_ptr<Job>()> make_job;
 };
 

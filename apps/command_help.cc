@@ -56,11 +56,17 @@ struct Described {
     job->Describe(&own);
     common_options.has_json = command.supports_json;
     common_options.Describe(&common);
+    const auto& advanced = command.advanced_sections;
+    for (const Option& option : own.options()) {
+      options.push_back(option);
+      if (std::find(advanced.begin(), advanced.end(), option.section) != advanced.end())
+        options.back().Advanced();
+    }
   }
 
   std::string Beginning() const {
     std::string usage = "holba " + command.name;
-    for (const Option& option : own.options()) {
+    for (const Option& option : options) {
       if (option.required) usage += fmt::format(" --{} VALUE", option.name);
     }
     return fmt::format("holba {}: {}.\n\nUsage: {} [options]\n", command.name, command.summary,
@@ -71,6 +77,7 @@ struct Described {
   std::unique_ptr<Job> job;
   CommonOptions common_options;
   OptionTable own, common;
+  std::vector<Option> options;  // own ones, with their levels in this command
 };
 
 // ---- All options, for people.
@@ -97,7 +104,7 @@ std::string WholeHelp(const Option& option, bool is_flag) {
 std::string WholeHelp(const Described& of) {
   std::string help = of.Beginning() + WrappedParagraphs(of.command.details) + "\nOptions:\n";
   std::string section;
-  for (const Option& option : of.own.options()) {
+  for (const Option& option : of.options) {
     if (option.section != section) {
       section = option.section;
       help += fmt::format("\nOptions [{}]:\n", section);
@@ -160,7 +167,7 @@ std::string BasicHelp(const Described& of) {
     if (value.size() > kMaxValueWidth) value = value.substr(0, kMaxValueWidth - 3) + "...";
     lines.push_back({"--" + option.name + (is_flag ? "" : " " + value), &option, is_flag});
   };
-  for (const Option& option : of.own.options()) add(option, false);
+  for (const Option& option : of.options) add(option, false);
   for (const Option& option : of.common.options()) add(option, IsFlag(option));
   size_t start_width = 0;
   for (const Line& line : lines) start_width = std::max(start_width, line.start.size());
@@ -175,7 +182,7 @@ std::string BasicHelp(const Described& of) {
 
   std::vector<std::string> sections;
   size_t num_advanced = 0;
-  for (const Option& option : of.own.options()) {
+  for (const Option& option : of.options) {
     if (option.level == OptionLevel::kBasic) continue;
     ++num_advanced;
     const std::string name = option.section.empty() ? "others" : option.section;
@@ -200,14 +207,14 @@ nlohmann::ordered_json ToJson(const Option& option) {
     if (std::isfinite(x)) return x;
     return nullptr;
   };
-  nlohmann::ordered_json json = {{"name", option.name},
-                                 {"section", option.section},
-                                 {"type", NameOf(option.type)},
-                                 {"default", ToJson(option.default_value)},
-                                 {"level", option.level == OptionLevel::kBasic ? "basic"
-                                                                               : "advanced"},
-                                 {"required", option.required},
-                                 {"sentence", option.sentence}};
+  nlohmann::ordered_json json = {
+      {"name", option.name},
+      {"section", option.section},
+      {"type", NameOf(option.type)},
+      {"default", ToJson(option.default_value)},
+      {"level", option.level == OptionLevel::kBasic ? "basic" : "advanced"},
+      {"required", option.required},
+      {"sentence", option.sentence}};
   if (option.type == OptionType::kChoice) json["choices"] = option.choices;
   if (option.type == OptionType::kInt || option.type == OptionType::kUint ||
       option.type == OptionType::kDouble || option.type == OptionType::kDoubles) {
@@ -225,9 +232,8 @@ std::string JsonHelp(const Described& of) {
                                  {"details", of.command.details},
                                  {"options", nlohmann::ordered_json::array()},
                                  {"common_options", nlohmann::ordered_json::array()}};
-  for (const Option& option : of.own.options()) json["options"].push_back(ToJson(option));
-  for (const Option& option : of.common.options())
-    json["common_options"].push_back(ToJson(option));
+  for (const Option& option : of.options) json["options"].push_back(ToJson(option));
+  for (const Option& option : of.common.options()) json["common_options"].push_back(ToJson(option));
   return JsonText(json);
 }
 

@@ -2,15 +2,11 @@
 // holba extract: photographs to a COLMAP database of their features.
 #include "holba/pipeline/extract.h"
 
-#include <filesystem>
 #include <string>
 
 #include "apps/command.h"
+#include "apps/extract/extract_stage.h"
 #include "apps/extract/report.h"
-#include "holba/base/file_faults.h"
-#include "holba/base/log.h"
-#include "holba/base/progress.h"
-#include "holba/frontend/photographs/opencv_threads.h"
 #include "holba/io/database.h"
 
 namespace holba {
@@ -33,22 +29,9 @@ class ExtractJob : public Job {
   }
 
   void Run(const Invocation& invocation) override {
-    if (!std::filesystem::is_directory(image_path_))
-      throw NoSuchFolder(image_path_, "--image_path");
-    options_.Check();
-    HoldOpenCvThreads();
-    ExtractReport report;
-    {
-      Database database(database_path_);
-      std::optional<Progress> progress;
-      report =
-          ExtractFeaturesOf(options_, image_path_, &database, [&](size_t num_done, size_t num_all) {
-            if (!progress) progress.emplace("Extracting", "images", num_all, !invocation.quiet);
-            progress->Update(num_done);
-            if (num_done == num_all) progress->Clear();
-          });
-    }
-    PrintResult(invocation.json ? ExtractToJson(report).dump(2) + "\n" : ExtractToText(report));
+    const ExtractReport report =
+        RunExtract(options_, image_path_, database_path_, invocation.quiet);
+    PrintResult(invocation.json ? JsonText(ExtractToJson(report)) : ExtractToText(report));
   }
 
  private:

@@ -28,7 +28,8 @@ class MapJob : public Job {
                  "pictures; empty: what the database has.");
     table->Field(
         "input_path", &input_path_,
-        "Model that is continued, ours or COLMAP's, made from this database; empty: none.");
+        "Model that is continued with further images of this database, ours or COLMAP's; empty: "
+        "none.");
     stages_.Describe(table);
   }
 
@@ -67,6 +68,7 @@ Command MapCommand() {
           "adjustment. Options have the names\n"
           "that COLMAP gives them where they mean the same.",
       .supports_json = true,
+      .advanced_sections = {"Refine", "Bundle"},
       .make_job = [] { return std::make_unique<MapJob>(); }};
 }
 

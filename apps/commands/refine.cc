@@ -38,8 +38,10 @@ class RefineJob : public Job {
   void Describe(OptionTable* table) const override {
     table->Field("image_path", &image_path_, "Folder of the photographs.").Required();
     table->Field("input_path", &input_path_, "Model with poses and points (COLMAP's).").Required();
-    table->Field("output_path", &output_path_,
-                 "Folder of the holistic model, pictures and structure.ply.").Required();
+    table
+        ->Field("output_path", &output_path_,
+                "Folder of the holistic model, pictures and structure.ply.")
+        .Required();
     table->Field("database_path", &database_path_,
                  "COLMAP database for what is found in the photographs, for the next run; empty: "
                  "database.db in the output folder.");
@@ -171,11 +173,10 @@ class RefineJob : public Job {
     // All that belongs to the output is prepared beside it and put in place at once.
     StagedFolder stage(output_path_);
     StageModel(model, format_, "", &stage);
-    StageStructurePly(model, &stage);
+    StageStructurePly(model, "", &stage);
     if (covariances_) {
-      const auto uncertainty =
-          EstimateUncertainty(model, output->refine.stage1_options, output->refine.stage1,
-                              refine_.solver.num_threads);
+      const auto uncertainty = EstimateUncertainty(
+          model, output->refine.stage1_options, output->refine.stage1, refine_.solver.num_threads);
       if (uncertainty) {
         stage.Write(kCovariances,
                     [&](std::ostream* stream) { FormatUncertainty(*uncertainty, stream); });
@@ -186,7 +187,7 @@ class RefineJob : public Job {
       }
     }
     StagePictures(model, photographs_, WithoutPhotograph(*output), num_pictures_,
-                  refine_.solver.num_threads, &stage);
+                  refine_.solver.num_threads, "", &stage);
     stage.Commit([](std::string_view name) { return IsFile(name) || IsPictureFolder(name); });
     output->write_seconds += timer.Seconds();
   }

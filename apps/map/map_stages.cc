@@ -2,15 +2,20 @@
 #include "apps/map/map_stages.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <map>
 #include <optional>
 #include <set>
 #include <utility>
 #include <vector>
 
+#include "apps/command.h"
+#include "apps/map/snapshot.h"
 #include "holba/base/error.h"
 #include "holba/base/log.h"
+#include "holba/base/printable.h"
 #include "holba/base/progress.h"
 #include "holba/base/timer.h"
 #include "holba/base/words.h"
@@ -22,27 +27,66 @@
 #include "holba/pipeline/colours.h"
 #include "holba/pipeline/output.h"
 #include "holba/pipeline/photograph_folder.h"
+#include "holba/sfm/snapshot_archive.h"
 
 namespace holba {
 namespace {
 
-// Progress on a terminal, a sentence on the log else.
+constexpr const char* kReportText = "report.txt";
+constexpr const char* kReportJson = "report.json";
+
+// Progress on a terminal, a sentence on the log else; snapshots now and then.
 class MapProgress : public MapObserver {
  public:
-  MapProgress(size_t num_images, bool quiet) : progress_("Mapping", "images", num_images, !quiet) {}
+  // `snapshot_seconds`: least time between two.
+  MapProgress(size_t num_images, double snapshot_seconds, bool quiet, SnapshotFile* file)
+      : num_images_(num_images),
+        snapshot_seconds_(snapshot_seconds),
+        file_(*file),
+        progress_("Mapping", "images", num_images, !quiet) {}
+
   void OnImage(const MapperState& state, image_t, const std::string& sentence) override {
-    progress_.Update(state.model().images.size());
+    const size_t num_done = state.model().images.size();
+    if (!first_) first_ = {num_done, timer_.Seconds()};
+    progress_.Update(num_done);
     if (timer_.Seconds() < next_message_seconds_) return;
     next_message_seconds_ = timer_.Seconds() + kSecondsBetweenMessages;
     progress_.Clear();
-    LogInfo("{}", sentence);
+    LogInfo("{}{}", sentence, TimeLeft(num_done));
+  }
+
+  bool WantsSnapshot() override { return timer_.Seconds() >= next_snapshot_seconds_; }
+
+  void OnSnapshot(const std::string& bytes) override {
+    const double begin = timer_.Seconds();
+    file_.Write(bytes);
+    const double end = timer_.Seconds();
+    next_snapshot_seconds_ =
+        end + std::max(snapshot_seconds_, (end - begin) / kMaxShareOfSnapshots);
+    LogDebug("Snapshot of {} bytes in {:.3f} s", bytes.size(), end - begin);
   }
 
  private:
+  // By the images since the first one that this run registered.
+  std::string TimeLeft(size_t num_done) const {
+    if (num_done <= first_->first || num_done >= num_images_) return "";
+    const double rate = static_cast<double>(num_done - first_->first) /
+                        std::max(timer_.Seconds() - first_->second, 1e-3);
+    return fmt::format("; {} of {} left, about {:.0f} s", num_images_ - num_done,
+                       Counted(num_images_, "image"),
+                       static_cast<double>(num_images_ - num_done) / rate);
+  }
+
   static constexpr double kSecondsBetweenMessages = 5.0;
+  static constexpr double kMaxShareOfSnapshots = 0.01;  // of the time
+  size_t num_images_;
+  double snapshot_seconds_;
+  SnapshotFile& file_;
   Progress progress_;
   Timer timer_;
   double next_message_seconds_ = kSecondsBetweenMessages;
+  double next_snapshot_seconds_ = 0.0;
+  std::optional<std::pair<size_t, double>> first_;  // images, time
 };
 
 // What has no pose is the database's, not the model's.
@@ -64,6 +108,33 @@ void RemoveUnregistered(Reconstruction* model) {
   model->cameras.RemoveIf([&](camera_t id, const Camera&) { return !cameras.contains(id); });
 }
 
+// By reason, as many images often have the same one.
+void WarnOfLeftOut(const MapOutput& output) {
+  constexpr size_t kMaxNumNamed = 10;
+  std::map<std::string, std::vector<std::string>> names;
+  for (const auto& [name, reason] : output.left_out) names[reason].push_back(name);
+  for (auto& [reason, of_reason] : names) {
+    const size_t count = of_reason.size();
+    of_reason.resize(std::min(count, kMaxNumNamed));
+    LogWarning("Not in a model: {}{}: {}", fmt::join(of_reason, ", "),
+               count > kMaxNumNamed ? fmt::format(" and {} more", count - kMaxNumNamed) : "",
+               reason);
+  }
+}
+
+[[noreturn]] void RefuseWithoutModel(const std::filesystem::path& database_path,
+                                     const MapOutput& output) {
+  std::string reasons;
+  for (const auto& [reason, count] : output.initial_pairs.dropped)
+    reasons += fmt::format("{}{}: {}", reasons.empty() ? "" : ", ", reason, count);
+  throw InputError(
+      database_path,
+      fmt::format("no pair of its {} could begin a model ({}); add photographs that show the same "
+                  "from places apart, match more of them, or lower --Mapper.init_min_num_inliers",
+                  Counted(output.num_images, "image"),
+                  reasons.empty() ? "no pair has enough verified matches" : reasons));
+}
+
 // "12/images.bin" -> "images.bin"; empty: not in a numbered folder.
 std::optional<std::string_view> InNumberedFolder(std::string_view name) {
   const size_t slash = name.find('/');
@@ -74,6 +145,20 @@ std::optional<std::string_view> InNumberedFolder(std::string_view name) {
   return slash == std::string_view::npos ? std::string_view() : name.substr(slash + 1);
 }
 
+// Models of an earlier run that had more of them.
+void RemoveEmptyFolders(const std::filesystem::path& output) {
+  std::error_code ignored;
+  std::vector<std::filesystem::path> folders;
+  for (std::filesystem::directory_iterator entry(output, ignored), end; entry != end;
+       entry.increment(ignored)) {
+    if (InNumberedFolder(entry->path().filename().string()) && entry->is_directory(ignored))
+      folders.push_back(entry->path());
+  }
+  // Only what is empty can be removed so.
+  for (const std::filesystem::path& folder : folders)
+    if (std::filesystem::is_empty(folder, ignored)) std::filesystem::remove(folder, ignored);
+}
+
 }  // namespace
 
 void ProbeModels(const std::filesystem::path& folder) {
@@ -81,11 +166,25 @@ void ProbeModels(const std::filesystem::path& folder) {
 }
 
 bool IsOfModels(std::string_view name) {
+  if (name == kReportText || name == kReportJson) return true;
   const auto inside = InNumberedFolder(name);
   return inside && (IsModelFile(*inside) || IsPly(*inside) || IsPictureFolder(*inside));
 }
 
+MapReports ReportsOf(const MapOutput& output) { return {MapToText(output), MapToJson(output)}; }
+
 void MapStages::Describe(OptionTable* table) const {
+  DescribeWithoutPhotographs(table);
+  table->Section("");
+  table
+      ->Field("mask_path", &detection_.mask_path,
+              "Folder of masks, as COLMAP's --ImageReader.mask_path: no structure where the image "
+              "NAME.png is 0.")
+      .Advanced();
+}
+
+void MapStages::DescribeWithoutPhotographs(OptionTable* table) const {
+  table->Section("");
   table->Choice("output_type", &format_,
                 {{"txt", ModelFormat::kText}, {"bin", ModelFormat::kBinary}},
                 "Format of the model folders.");
@@ -95,82 +194,181 @@ void MapStages::Describe(OptionTable* table) const {
       "weights chosen by points left out, intrinsics as far as they are determined.");
   table->Field("num_pictures", &num_pictures_, AtLeast(-1),
                "Photographs that are drawn upon, evenly spread over each model; -1: all.");
+  table
+      ->Field("align_to_positions", &align_to_positions_,
+              "Whether models are put where the positions of their images say (GPS in EXIF, or of "
+              "the database), in metres, if these are exact enough for that.")
+      .Advanced();
+  table->Field("resume", &resume_,
+               "Whether a run to the same place that was stopped is gone on with, to the same "
+               "result.");
+  table
+      ->Field("snapshot_seconds", &snapshot_seconds_, AtLeast(0),
+              "Least time in seconds between two snapshots for that.")
+      .Advanced();
   mapper_.Describe(table);
-  detection_.Describe(table);
+  detection_.DescribeStructure(table);
   matching_.Describe(table);
   regions_.Describe(table);
   refine_.Describe(table);
 }
 
-MapOutput MapStages::Run(const MapPaths& paths) {
-  const Timer timer;
-  MapOutput output;
-  const int num_threads = refine_.solver.num_threads;
-  detection_.num_threads = matching_.num_threads = num_threads;
-  detection_.Check();
-  HoldOpenCvThreads();
-  Database database(paths.database_path);
+void MapStages::SetPhotographs(const std::string& mask_path, const std::string& camera_mask_path,
+                               bool strict) {
+  detection_.mask_path = mask_path;
+  detection_.camera_mask_path = camera_mask_path;
+  detection_.strict = strict;
+}
+
+LineMatchingOptions MapStages::SegmentMatching() const {
+  LineMatchingOptions options = matching_.matching;
+  if (options.num_near_points == 0) options.num_near_points = kNearPointsWithoutPoses;
+  return options;
+}
+
+void MapStages::Check() const { detection_.Check(); }
+
+MappingData MapStages::Read(const MapPaths& paths, Database* database) const {
+  const MappingDataOptions options{.min_num_matches = static_cast<size_t>(mapper_.min_num_matches),
+                                   .ignore_watermarks = mapper_.ignore_watermarks,
+                                   .structure = mapper_.structure != MapperStructure::kNone,
+                                   .num_threads = num_threads()};
   const std::filesystem::path photographs = paths.image_path;
-  const MappingDataOptions data_options{
-      .min_num_matches = static_cast<size_t>(mapper_.min_num_matches),
-      .ignore_watermarks = mapper_.ignore_watermarks,
-      .structure = mapper_.structure != MapperStructure::kNone,
-      .num_threads = num_threads};
-  const MappingData data =
-      ReadMappingData(data_options, detection_, matching_.matching,
-                      paths.image_path.empty() ? nullptr : &photographs, &database);
-  output.num_images = data.scene.unregistered_images.size();
-  output.read_seconds = timer.Seconds();
-  LogInfo("{} with {} of keypoints and {} of segments", Counted(output.num_images, "image"),
-          Counted(database.VerifiedPairs(data_options.min_num_matches).size(), "verified pair"),
+  MappingData data = ReadMappingData(options, detection_, SegmentMatching(),
+                                     paths.image_path.empty() ? nullptr : &photographs, database);
+  LogInfo("{} with {} of keypoints and {} of segments",
+          Counted(data.scene.unregistered_images.size(), "image"),
+          Counted(database->VerifiedPairs(options.min_num_matches).size(), "verified pair"),
           Counted(data.segments.num_mutual, "match"));
+  return data;
+}
 
-  const Timer map_timer;
-  mapper_.structure_options = refine_.structure;
-  mapper_.structure_options.SetNumThreads(num_threads);
-  MapProgress progress(output.num_images, paths.quiet);
-  MapResult result = MapImages(mapper_, refine_.solver, data.input, data.scene, &progress);
-  output.map_seconds = map_timer.Seconds();
-  output.initial_pairs = result.initial_pairs;
-  for (const auto& [id, reason] : result.left_out)
-    output.left_out.emplace_back(data.scene.unregistered_images.at(id).name, reason);
-  if (result.models.empty()) {
-    std::string reasons;
-    for (const auto& [reason, count] : result.initial_pairs.dropped)
-      reasons += fmt::format("{}{}: {}", reasons.empty() ? "" : ", ", reason, count);
-    throw InputError(
-        paths.database_path,
-        fmt::format("no pair of images could begin a model ({}); match more images, or "
-                    "lower --Mapper.init_min_num_inliers and "
-                    "--Mapper.init_min_tri_angle",
-                    reasons.empty() ? "no pair has enough matches" : reasons));
-  }
+MapOutput MapStages::Run(const MapPaths& paths,
+                         const std::function<MapReports(const MapOutput&)>& reports) {
+  const Timer timer;
+  Check();
+  detection_.num_threads = matching_.num_threads = num_threads();
+  HoldOpenCvThreads();
+  MapOutput output;
+  std::vector<Reconstruction> models;
+  std::set<image_t> without_photograph;
+  {
+    Database database(paths.database_path);
+    MappingData data = Read(paths, &database);
+    if (!paths.input_path.empty()) output.continued = Continue(paths.input_path, &data.scene);
+    without_photograph = data.without_photograph;
+    output.num_images = data.scene.images.size() + data.scene.unregistered_images.size();
+    output.read_seconds = timer.Seconds();
 
-  StagedFolder stage(paths.output_path);
-  for (size_t i = 0; i < result.models.size(); ++i) {
-    Reconstruction& model = result.models[i].model;
-    RemoveUnregistered(&model);
-    const Timer refine_timer;
-    MapOutput::OfModel report;
-    if (refine_models_) Refine(paths, data, &model, &report);
-    output.refine_seconds += refine_timer.Seconds();
-    UpdateErrors(&model);
-    std::optional<RefineOutput> refined = std::move(report.refine);
-    report = CountsOf(model);
-    report.refine = std::move(refined);
-    report.map = std::move(result.models[i].report);
-    output.models.push_back(std::move(report));
-    StageModel(model, format_, std::to_string(i) + "/", &stage);
+    const Timer map_timer;
+    mapper_.structure_options = refine_.structure;
+    mapper_.structure_options.SetNumThreads(num_threads());
+    SnapshotFile snapshot(paths.output_path, OptionsText(),
+                          FingerprintOf(data.input.graph, data.scene));
+    const std::string start = Start(snapshot);
+    MapProgress progress(output.num_images, snapshot_seconds_, paths.quiet, &snapshot);
+    MapResult result = MapImages(mapper_, refine_.solver, data.input, data.scene, &progress, start);
+    output.map_seconds = map_timer.Seconds();
+    output.initial_pairs = std::move(result.initial_pairs);
+    for (const auto& [id, reason] : result.left_out)
+      output.left_out.emplace_back(data.scene.FindImage(id)->name, reason);
+    WarnOfLeftOut(output);
+    if (result.models.empty()) RefuseWithoutModel(paths.database_path, output);
+    for (MappedModel& mapped : result.models) {
+      RemoveUnregistered(&mapped.model);
+      MapOutput::OfModel& of_model = output.models.emplace_back();
+      of_model.map = std::move(mapped.report);
+      const Timer refine_timer;
+      if (refine_models_) Refine(paths, data, &mapped.model, &of_model);
+      // A model that is continued stays where it is.
+      if (align_to_positions_ && paths.input_path.empty())
+        of_model.alignment = AlignToPositions(database.ReadPositionPriors(), &mapped.model);
+      output.refine_seconds += refine_timer.Seconds();
+      UpdateErrors(&mapped.model);
+      CountModel(mapped.model, &of_model);
+      models.push_back(std::move(mapped.model));
+    }
   }
-  stage.Commit(IsOfModels);
   output.total_seconds = timer.Seconds();
+  Write(paths, reports(output), without_photograph, models);
+  SnapshotFile(paths.output_path, "", 0).Remove();
   return output;
+}
+
+ContinueReport MapStages::Continue(const std::filesystem::path& input_path,
+                                   Reconstruction* scene) const {
+  const Reconstruction model = ReadModel(input_path);
+  const ContinueReport report = ContinueModel(model, input_path, scene);
+  LogInfo("{} with {} of the model, {} without a pose yet", Counted(report.num_images, "image"),
+          Counted(report.num_points, "point"),
+          Counted(scene->unregistered_images.size(), "other image"));
+  if (report.num_lines_and_groups_left_out > 0) {
+    LogInfo("Lines, groups and what was made from them ({} of the model) are built anew",
+            report.num_lines_and_groups_left_out);
+  }
+  if (report.num_foreign_observations > 0) {
+    LogWarning("{} of the model at places that are no keypoints of the database {} left out",
+               Counted(report.num_foreign_observations, "observation"),
+               Agree(report.num_foreign_observations, "is", "are"));
+  }
+  return report;
+}
+
+std::string MapStages::OptionsText() const {
+  // What the result of the mapper does not depend on.
+  static const std::set<std::string> others = {
+      "output_type",      "num_pictures",      "refine", "resume", "align_to_positions",
+      "snapshot_seconds", "Solver.num_threads"};
+  OptionTable table;
+  DescribeWithoutPhotographs(&table);
+  std::string text;
+  for (const Option& option : table.options()) {
+    if (!others.contains(option.name)) text += option.name + "=" + option.Text() + "\n";
+  }
+  return text;
+}
+
+std::string MapStages::Start(const SnapshotFile& snapshot) const {
+  if (!resume_) {
+    if (snapshot.Exists()) {
+      LogWarning(
+          "An earlier run to this place did not end; this one begins anew, --resume 1 would go on "
+          "from where that one was");
+      snapshot.Remove();
+    }
+    return "";
+  }
+  if (auto state = snapshot.Read()) {
+    LogInfo("Going on from the last snapshot of the run before");
+    return *state;
+  }
+  LogInfo("There is no snapshot of an earlier run to go on from, so this one begins at the start");
+  return "";
+}
+
+void MapStages::Write(const MapPaths& paths, const MapReports& reports,
+                      const std::set<image_t>& without_photograph,
+                      const std::vector<Reconstruction>& models) const {
+  StagedFolder stage(paths.output_path);
+  for (size_t i = 0; i < models.size(); ++i) {
+    const std::string folder = std::to_string(i) + "/";
+    StageModel(models[i], format_, folder, &stage);
+    StageStructurePly(models[i], folder, &stage);
+    if (paths.image_path.empty()) continue;
+    StagePictures(models[i], PhotographFolder(paths.image_path, models[i]), without_photograph,
+                  num_pictures_, num_threads(), folder, &stage);
+  }
+  stage.Write(kReportText, [&](std::ostream* stream) { *stream << Printable(reports.text); });
+  stage.Write(kReportJson, [&](std::ostream* stream) { *stream << JsonText(reports.json); });
+  stage.Commit(IsOfModels);
+  RemoveEmptyFolders(paths.output_path);
 }
 
 void MapStages::Refine(const MapPaths& paths, const MappingData& data, Reconstruction* model,
                        MapOutput::OfModel* report) const {
   RefineOutput& output = report->refine.emplace();
   RefineOptions options = refine_;
+  if (mapper_.fix_existing_frames && !paths.input_path.empty()) options.fix_poses = true;
   switch (mapper_.structure) {
     case MapperStructure::kNone:
       options.bundle.config = BundleConfig::kPoint;

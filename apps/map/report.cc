@@ -8,33 +8,93 @@
 namespace holba {
 namespace {
 
+double Ratio(double a, double b) { return b > 0.0 ? a / b : 0.0; }
+
+// The first iteration of an adjustment analyses the problem, later ones only factorise.
+struct PerIteration {
+  explicit PerIteration(const AdjustmentCounts& counts) {
+    const auto adjustments = static_cast<double>(counts.num_adjustments);
+    const auto iterations = static_cast<double>(counts.num_iterations);
+    iterations_per_adjustment = Ratio(iterations, adjustments);
+    first_ms = 1e3 * Ratio(counts.first_iteration_seconds, adjustments);
+    later_ms = 1e3 * Ratio(counts.later_iteration_seconds, iterations - adjustments);
+    mean_ms = 1e3 * Ratio(counts.seconds, iterations);
+  }
+  double iterations_per_adjustment, first_ms, later_ms, mean_ms;
+};
+
 nlohmann::json ToJson(const AdjustmentCounts& counts) {
-  const double num_later =
-      static_cast<double>(counts.num_iterations) - static_cast<double>(counts.num_adjustments);
+  const PerIteration per(counts);
   return {{"adjustments", counts.num_adjustments},
           {"iterations", counts.num_iterations},
+          {"iterations_per_adjustment", per.iterations_per_adjustment},
           {"seconds", counts.seconds},
-          {"ms_per_first_iteration",
-           counts.num_adjustments > 0
-               ? 1e3 * counts.first_iteration_seconds / static_cast<double>(counts.num_adjustments)
-               : 0.0},
-          {"ms_per_later_iteration",
-           num_later > 0.0 ? 1e3 * counts.later_iteration_seconds / num_later : 0.0}};
+          {"ms_per_iteration", per.mean_ms},
+          {"ms_per_first_iteration", per.first_ms},
+          {"ms_per_later_iteration", per.later_ms}};
 }
 
-double Ratio(double a, size_t b) { return b > 0 ? a / static_cast<double>(b) : 0.0; }
+nlohmann::json ToJson(const PositionAlignment& alignment) {
+  nlohmann::json json = {{"positions", alignment.num_positions},
+                         {"left_out", alignment.num_left_out},
+                         {"median_error", alignment.median_error},
+                         {"moved", alignment.why_not.empty()}};
+  if (!alignment.why_not.empty()) json["reason"] = alignment.why_not;
+  if (alignment.why_not.empty()) json["scale"] = alignment.scale;
+  if (alignment.origin) {
+    json["latitude_longitude_altitude"] = {alignment.origin->x(), alignment.origin->y(),
+                                           alignment.origin->z()};
+  }
+  return json;
+}
 
-std::string Line(const char* name, const AdjustmentCounts& counts) {
-  return fmt::format("  {}: {} of {:.1f} iterations and {:.1f} ms per iteration\n", name,
-                     Counted(counts.num_adjustments, "adjustment"),
-                     Ratio(static_cast<double>(counts.num_iterations), counts.num_adjustments),
-                     1e3 * Ratio(counts.seconds, counts.num_iterations));
+// The paper's table of runtime and reconstruction, a row for each model.
+std::string Table(const MapOutput& output) {
+  std::string text =
+      fmt::format("{:>5} {:>11} {:>8} {:>8} {:>9} {:>7} {:>7} {:>9}\n", "model", "images",
+                  "minutes", "points", "observed", "lines", "groups", "error px");
+  for (size_t i = 0; i < output.models.size(); ++i) {
+    const MapOutput::OfModel& model = output.models[i];
+    text += fmt::format("{:>5} {:>11} {:>8.2f} {:>8} {:>9} {:>7} {:>7} {:>9.3f}\n", i,
+                        fmt::format("{} / {}", model.num_images, output.num_images),
+                        model.map.total_seconds / 60.0, model.num_points, model.num_observations,
+                        model.num_lines, model.num_groups, model.mean_error_px);
+  }
+  text += fmt::format("\n{:>5} {:>11} {:>8} {:>8} {:>9} {:>7} {:>7}\n", "model", "adjustments",
+                      "number", "seconds", "iter./adj", "ms 1st", "ms then");
+  for (size_t i = 0; i < output.models.size(); ++i) {
+    const AdjustmentReport& report = output.models[i].map.adjustments;
+    for (const auto& [name, counts] :
+         {std::pair("local", &report.local), std::pair("global", &report.global)}) {
+      const PerIteration per(*counts);
+      text += fmt::format("{:>5} {:>11} {:>8} {:>8.2f} {:>9.1f} {:>7.1f} {:>7.1f}\n", i, name,
+                          counts->num_adjustments, counts->seconds, per.iterations_per_adjustment,
+                          per.first_ms, per.later_ms);
+    }
+  }
+  return text + "\n";
+}
+
+std::string AlignmentText(const PositionAlignment& alignment) {
+  if (!alignment.why_not.empty()) {
+    return fmt::format("  not moved to the positions of {}: {} (median error {:.3g})\n",
+                       Counted(alignment.num_positions, "image"), alignment.why_not,
+                       alignment.median_error);
+  }
+  std::string text = fmt::format(
+      "  moved to the positions of {} ({} left out), median error {:.3g}",
+      Counted(alignment.num_positions, "image"), alignment.num_left_out, alignment.median_error);
+  if (alignment.origin) {
+    text += fmt::format(" m; east, north and up about {:.7f}, {:.7f}, {:.2f} m",
+                        alignment.origin->x(), alignment.origin->y(), alignment.origin->z());
+  }
+  return text + "\n";
 }
 
 }  // namespace
 
-MapOutput::OfModel CountsOf(const Reconstruction& model) {
-  MapOutput::OfModel counts;
+void CountModel(const Reconstruction& model, MapOutput::OfModel* output) {
+  MapOutput::OfModel& counts = *output;
   counts.num_images = model.images.size();
   counts.num_points = model.points3D.size();
   counts.num_lines = model.lines3D.size();
@@ -44,8 +104,7 @@ MapOutput::OfModel CountsOf(const Reconstruction& model) {
     counts.num_observations += point.track.size();
     sum += point.error * static_cast<double>(point.track.size());
   }
-  counts.mean_error_px = Ratio(sum, counts.num_observations);
-  return counts;
+  counts.mean_error_px = Ratio(sum, static_cast<double>(counts.num_observations));
 }
 
 nlohmann::json MapToJson(const MapOutput& output) {
@@ -75,11 +134,22 @@ nlohmann::json MapToJson(const MapOutput& output) {
                       {"global", ToJson(map.adjustments.global)},
                       {"seconds_by_stage", map.seconds},
                       {"seconds", map.total_seconds}});
+    if (model.alignment) models.back()["positions"] = ToJson(*model.alignment);
   }
   nlohmann::json left_out = nlohmann::json::array();
   for (const auto& [name, reason] : output.left_out)
     left_out.push_back({{"name", name}, {"reason", reason}});
+  nlohmann::json continued;  // null: a model was begun
+  if (output.continued) {
+    continued = {{"images", output.continued->num_images},
+                 {"points", output.continued->num_points},
+                 {"observations", output.continued->num_observations},
+                 {"observations_left_out", output.continued->num_foreign_observations},
+                 {"points_left_out", output.continued->num_points_left_out},
+                 {"structure_built_anew", output.continued->num_lines_and_groups_left_out}};
+  }
   return {{"images", output.num_images},
+          {"continued", std::move(continued)},
           {"models", std::move(models)},
           {"left_out", std::move(left_out)},
           {"initial_pairs_tried", output.initial_pairs.num_tried},
@@ -93,22 +163,21 @@ nlohmann::json MapToJson(const MapOutput& output) {
 
 std::string MapToText(const MapOutput& output) {
   std::string text;
+  if (output.continued) {
+    text += fmt::format("Continued: {} with {}\n\n", Counted(output.continued->num_images, "image"),
+                        Counted(output.continued->num_points, "point"));
+  }
+  text += Table(output);
   for (size_t i = 0; i < output.models.size(); ++i) {
     const MapOutput::OfModel& model = output.models[i];
-    const MapReport& map = model.map;
-    text += fmt::format("Model {}: {} of {} images, {} with {}, {}, {}, mean error {:.3f} px\n", i,
-                        model.num_images, output.num_images, Counted(model.num_points, "point"),
-                        Counted(model.num_observations, "observation"),
-                        Counted(model.num_lines, "line"), Counted(model.num_groups, "group"),
-                        model.mean_error_px);
-    text += Line("local", map.adjustments.local) + Line("global", map.adjustments.global);
-    text += "  seconds:";
-    for (const auto& [stage, seconds] : map.seconds)
+    text += fmt::format("Model {}, seconds:", i);
+    for (const auto& [stage, seconds] : model.map.seconds)
       text += fmt::format(" {} {:.2f},", stage, seconds);
     text.back() = '\n';
+    if (model.alignment) text += AlignmentText(*model.alignment);
   }
   for (const auto& [name, reason] : output.left_out)
-    text += fmt::format("  not in a model: {}: {}\n", name, reason);
+    text += fmt::format("Not in a model: {}: {}\n", name, reason);
   text += fmt::format("{:.1f} s: reading {:.1f}, mapping {:.1f}, refinement {:.1f}\n",
                       output.total_seconds, output.read_seconds, output.map_seconds,
                       output.refine_seconds);

@@ -8,7 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "apps/map/position_alignment.h"
 #include "apps/refine/report.h"
+#include "holba/pipeline/continue_model.h"
 #include "holba/sfm/mapper.h"
 
 namespace holba {
@@ -16,11 +18,13 @@ namespace holba {
 struct MapOutput {
   struct OfModel {
     MapReport map;
-    std::optional<RefineOutput> refine;  // empty: the model was left as the mapper had it
+    std::optional<PositionAlignment> alignment;  // empty: there are no positions
+    std::optional<RefineOutput> refine;          // empty: the model was left as the mapper had it
     size_t num_images = 0, num_points = 0, num_observations = 0, num_lines = 0, num_groups = 0;
     double mean_error_px = 0.0;  // of points' observations
   };
-  size_t num_images = 0;  // of the database
+  size_t num_images = 0;                    // of the database
+  std::optional<ContinueReport> continued;  // of --input_path
   std::vector<OfModel> models;
   std::vector<std::pair<std::string, std::string>> left_out;  // name of the image, why
   InitialPairReport initial_pairs;
@@ -28,7 +32,7 @@ struct MapOutput {
 };
 
 // The figures of a model that are counted in it.
-MapOutput::OfModel CountsOf(const Reconstruction& model);
+void CountModel(const Reconstruction& model, MapOutput::OfModel* counts);
 
 nlohmann::json MapToJson(const MapOutput& output);
 std::string MapToText(const MapOutput& output);

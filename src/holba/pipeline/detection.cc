@@ -45,7 +45,7 @@ void Detect(const DetectionOptions& options, ImageTask* task) {
         task->path, camera.width, camera.height,
         "--image_path must be the folder of the photographs that the model was made from");
     task->is_cut_off = photograph->ends_early;
-    if (!task->mask.empty()) mask = ReadMask(task->mask, camera.width, camera.height);
+    mask = ReadMasks(*task);
   }
   DetectStructure(options.extraction, options.vps, photograph ? &*photograph : nullptr,
                   mask ? &*mask : nullptr, task);
@@ -213,9 +213,14 @@ void DetectionOptions::Check() const {
 }
 
 void DetectionOptions::Describe(OptionTable* table) const {
+  table->Section("");
   table->Field("mask_path", &mask_path,
                "Folder of masks, as COLMAP's --ImageReader.mask_path: no features where the image "
                "NAME.png is 0 (segments of other programs are taken as they are).");
+  DescribeStructure(table);
+}
+
+void DetectionOptions::DescribeStructure(OptionTable* table) const {
   imports.Describe(table);
   segment_import.Describe(table);
   region_normals.Describe(table);
@@ -253,6 +258,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
     // An image that the files do not have has no segments.
     if (!options.imports.segments.empty()) task.imported = &(*imported)[image_id];
     if (!options.mask_path.empty()) task.mask = MaskOf(options.mask_path, image.name);
+    task.camera_mask = options.camera_mask_path;
     tasks.push_back(std::move(task));
   }
   ParallelTasks(options.num_threads, tasks.size(),

@@ -38,6 +38,7 @@ struct DetectionOptions {
   // Folder of masks as COLMAP's --ImageReader.mask_path has them: for the image NAME the file
   // NAME.png (or NAME with the extension .png), with 0 where no features are. Empty: none.
   std::string mask_path;
+  std::string camera_mask_path;  // one for all; empty: none. No option of its own: ImageReader's.
   // Pictures that are to be left out are an InputError.
   bool strict = false;
   ImportPaths imports;
@@ -48,6 +49,8 @@ struct DetectionOptions {
   int num_threads = -1;
 
   void Describe(OptionTable* table) const;
+  // All but the masks.
+  void DescribeStructure(OptionTable* table) const;
   // Throws InputError for folders and files that are not there.
   void Check() const;
 };
@@ -56,17 +59,17 @@ struct DetectionReport {
   size_t num_images = 0;
   size_t images_reused = 0;  // all of it was in the database
   size_t num_segments = 0, num_corners = 0, num_vanishing_points = 0, num_labelled_regions = 0;
-  std::map<std::string, size_t> dropped;  // of imports
+  std::map<std::string, size_t> dropped;    // of imports
   std::vector<LeftOutPhotograph> left_out;  // their images stay in the model
-  std::vector<std::string> cut_off;  // names of images whose file ends early
+  std::vector<std::string> cut_off;         // names of images whose file ends early
   double detect_seconds = 0.0;
 };
 
 // Features of every image of the model; of one whose photograph is left out: none. Throws
 // InputError if that is so for all. `database_id`: Database::MatchImages. `imported`: the segments
 // of other programs, where there are such.
-ImageFeatureMap DetectFeatures(const DetectionOptions& options,
-                               const PhotographFolder& image_path, const Reconstruction& model,
+ImageFeatureMap DetectFeatures(const DetectionOptions& options, const PhotographFolder& image_path,
+                               const Reconstruction& model,
                                const std::map<image_t, image_t>& database_id, Database* database,
                                std::map<image_t, ImportedSegments>* imported,
                                DetectionReport* report);

@@ -42,8 +42,6 @@ class Extractor {
     plan_ = PlanCameras(options.reader, image_path,
                         PhotographNames(image_path, options.image_list_path), *database,
                         options.num_threads);
-    if (!options.reader.camera_mask_path.empty())
-      camera_mask_ = ReadGreyImage(options.reader.camera_mask_path);
     for (const CameraPlan::PlannedCamera& camera : plan_.cameras)
       straight_cameras_.push_back(AsPinholeIfStraight(camera.camera.camera));
     report_.images.resize(plan_.images.size());
@@ -137,11 +135,11 @@ class Extractor {
     task.path = planned.path;
     if (!options_.reader.mask_path.empty())
       task.mask = MaskOf(options_.reader.mask_path, planned.name);
+    task.camera_mask = options_.reader.camera_mask_path;
     if (!options_.imports.segments.empty())
       task.imported = &imported_.at(static_cast<image_t>(i + 1));
     if (options_.structure) {
       AddSettings(options_.extraction, options_.vps, &task);
-      if (!options_.reader.camera_mask_path.empty()) AddCameraMaskTo(&task);
     }
     ReadWhatIsThere(planned, found);
     const bool wants_points = !found->report.points_kept;
@@ -156,7 +154,7 @@ class Extractor {
     }
     if (wants_sift || (wants_structure && !task.has_features)) {
       const GreyImage photograph = ReadPhotograph(planned, &found->report);
-      const std::optional<GreyImage> mask = MaskOfTask(task);
+      const std::optional<GreyImage> mask = ReadMasks(task);
       if (wants_sift) {
         const GreyImage* mask_or_null = mask ? &*mask : nullptr;
         found->points =
@@ -197,32 +195,6 @@ class Extractor {
                              "its header and its pixels contradict each other: save it anew");
     report->is_cut_off = photograph.ends_early;
     return photograph;
-  }
-
-  // Where features may be: what both masks allow.
-  std::optional<GreyImage> MaskOfTask(const StructureTask& task) const {
-    std::optional<GreyImage> mask;
-    if (!task.mask.empty()) mask = ReadMask(task.mask, task.camera->width, task.camera->height);
-    if (!camera_mask_) return mask;
-    if (!mask) {
-      mask = GreyImage{
-          static_cast<int>(task.camera->width), static_cast<int>(task.camera->height), {}};
-      mask->pixels.assign(task.camera->width * task.camera->height, 255);
-    }
-    for (int y = 0; y < mask->height; ++y) {
-      for (int x = 0; x < mask->width; ++x) {
-        if (!IsUnmasked(*camera_mask_, {x + 0.5, y + 0.5}))
-          mask->pixels[static_cast<size_t>(y) * mask->width + x] = 0;
-      }
-    }
-    return mask;
-  }
-
-  void AddCameraMaskTo(StructureTask* task) const {
-    const std::string text =
-        fmt::format(" camera_mask={:016x}", HashFile(options_.reader.camera_mask_path));
-    task->feature_settings += text;
-    task->vp_settings += text;
   }
 
   // Images are written in their order: what is found earlier waits. Under the lock.
@@ -309,8 +281,7 @@ class Extractor {
   Database* database_;
   const std::function<void(size_t, size_t)>& progress_;
   CameraPlan plan_;
-  std::vector<Camera> straight_cameras_;  // of the plan's cameras
-  std::optional<GreyImage> camera_mask_;
+  std::vector<Camera> straight_cameras_;          // of the plan's cameras
   std::map<image_t, ImportedSegments> imported_;  // by the ids of ModelOfPlan
   std::map<image_t, ImportedPoints> imported_points_;
   std::shared_ptr<const DescribedModel> point_model_;  // null: SIFT
@@ -325,14 +296,10 @@ class Extractor {
 }  // namespace
 
 void ExtractOptions::Describe(OptionTable* table) const {
-  table->Field("image_list_path", &image_list_path,
-               "File with the names of the photographs that are used, one a line; empty: all below "
-               "the folder.");
-  table->Field(
-      "strict", &strict,
-      "Whether a photograph that cannot be used stops the run, instead of being left out.");
-  reader.Describe(table);
-  sift.Describe(table);
+  DescribePoints(table);
+  imports.Describe(table);
+  segment_import.Describe(table);
+  region_normals.Describe(table);
   table->Section("Extraction");
   table
       ->Field("structure", &structure,
@@ -344,18 +311,27 @@ void ExtractOptions::Describe(OptionTable* table) const {
           "Photographs that are worked on at a time (-1 for one per hardware thread). The result "
           "does not depend on it.")
       .Basic();
-  imports.Describe(table);
-  table->Field("points_path", &points_path,
-               "Key points and descriptors as hloc writes them (HDF5, npz, npy), used instead of "
-               "SIFT.");
+  extraction.Describe(table);
+  vps.Describe(table);
+}
+
+void ExtractOptions::DescribePoints(OptionTable* table) const {
+  table->Field("image_list_path", &image_list_path,
+               "File with the names of the photographs that are used, one a line; empty: all below "
+               "the folder.");
+  table->Field(
+      "strict", &strict,
+      "Whether a photograph that cannot be used stops the run, instead of being left out.");
+  reader.Describe(table);
+  sift.Describe(table);
   table->Section("Onnx");
   table->Field("points_path", &onnx_points_path,
                "JSON file that describes an ONNX model of yours, which finds key points and "
                "descriptors instead of SIFT.");
-  segment_import.Describe(table);
-  region_normals.Describe(table);
-  extraction.Describe(table);
-  vps.Describe(table);
+  table->Section("Import");
+  table->Field("points_path", &points_path,
+               "Key points and descriptors as hloc writes them (HDF5, npz, npy), used instead of "
+               "SIFT.");
 }
 
 void ExtractOptions::Check() const {

@@ -37,6 +37,9 @@ struct ExtractOptions {
   int num_threads = -1;
 
   void Describe(OptionTable* table) const;
+  // Only what says which photographs, cameras and points: for a command that has the other options
+  // from elsewhere.
+  void DescribePoints(OptionTable* table) const;
   // Throws InputError for files that are not there and options that do not go together.
   void Check() const;
 };

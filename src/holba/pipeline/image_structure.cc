@@ -65,6 +65,25 @@ GreyImage ReadMask(const fs::path& path, uint64_t width, uint64_t height) {
   return ReadOfSize(path, width, height, "mask", "it must have the size of its photograph");
 }
 
+std::optional<GreyImage> ReadMasks(const StructureTask& task) {
+  const uint64_t width = task.camera->width, height = task.camera->height;
+  std::optional<GreyImage> mask;
+  if (!task.mask.empty()) mask = ReadMask(task.mask, width, height);
+  if (task.camera_mask.empty()) return mask;
+  const GreyImage of_camera = ReadGreyImage(task.camera_mask);
+  if (!mask) {
+    mask = GreyImage{static_cast<int>(width), static_cast<int>(height), {}};
+    mask->pixels.assign(width * height, 255);
+  }
+  for (int y = 0; y < mask->height; ++y) {
+    for (int x = 0; x < mask->width; ++x) {
+      if (!IsUnmasked(of_camera, {x + 0.5, y + 0.5}))
+        mask->pixels[static_cast<size_t>(y) * mask->width + x] = 0;
+    }
+  }
+  return mask;
+}
+
 GreyImage ReadPhotographOfSize(const fs::path& path, uint64_t width, uint64_t height,
                                const char* remedy) {
   return ReadOfSize(path, width, height, "photograph", remedy);
@@ -80,6 +99,11 @@ void AddSettings(const ExtractionOptions& extraction, const VanishingPointOption
   task->feature_settings += PhotographText(task->path);
   task->vp_settings = fmt::format("{} of {} camera={}", SettingsText("vanishing points 1", vps),
                                   task->feature_settings, ToString(*task->camera));
+  if (task->camera_mask.empty()) return;
+  const std::string of_camera_mask =
+      fmt::format(" camera_mask={:016x}", HashFile(task->camera_mask));
+  task->feature_settings += of_camera_mask;
+  task->vp_settings += of_camera_mask;
 }
 
 void ReadStored(const Database& database, StructureTask* task) {

@@ -21,7 +21,8 @@ struct StructureTask {
   image_t image_id = kInvalidId32, database_id = kInvalidId32;
   std::string name;
   const Camera* camera = nullptr;
-  std::filesystem::path path, mask;            // mask: empty, none
+  std::filesystem::path path;
+  std::filesystem::path mask, camera_mask;     // of the image, of all images; empty: none
   const ImportedSegments* imported = nullptr;  // used instead of ours
   // What features and vanishing points depend on (AddSettings).
   std::string feature_settings, vp_settings;
@@ -37,11 +38,13 @@ std::filesystem::path MaskOf(const std::string& mask_path, const std::string& na
 
 // Throws InputError if it is not there, cannot be read, or has not this size.
 GreyImage ReadMask(const std::filesystem::path& path, uint64_t width, uint64_t height);
+// Where features may be: what both masks of the task allow. Empty: everywhere.
+std::optional<GreyImage> ReadMasks(const StructureTask& task);
 GreyImage ReadPhotographOfSize(const std::filesystem::path& path, uint64_t width, uint64_t height,
                                const char* remedy);
 
-// Both of a task's settings, from the options, the camera, the import, the mask and the photograph,
-// whose files are read for it.
+// Both of a task's settings, from the options, the camera, the import, the masks and the
+// photograph, whose files are read for it.
 void AddSettings(const ExtractionOptions& extraction, const VanishingPointOptions& vps,
                  StructureTask* task);
 

@@ -68,7 +68,9 @@ MappingData ReadMappingData(const MappingDataOptions& options, const DetectionOp
                             const std::filesystem::path* photographs, Database* database) {
   MappingData data;
   if (options.structure && photographs != nullptr) {
-    const Reconstruction posed = Posed(ReadScene(*database).scene);
+    Reconstruction posed = Posed(ReadScene(*database).scene);
+    // As `extract` found it, whose work is not done again.
+    for (auto& [id, camera] : posed.cameras) camera = AsPinholeIfStraight(camera);
     std::map<image_t, image_t> own_ids;
     for (const auto& [id, image] : posed.images) own_ids[id] = id;
     std::map<image_t, ImportedSegments> imported;

@@ -308,6 +308,11 @@ void MatchPointsOptions::Describe(OptionTable* table) const {
   table->Section("FeatureMatching");
   table->Field("num_threads", &num_threads, AtLeast(-1),
                "Number of threads; -1: one per hardware thread.");
+  DescribeMatching(table);
+}
+
+void MatchPointsOptions::DescribeMatching(OptionTable* table) const {
+  table->Section("FeatureMatching");
   table->Field("max_num_matches", &max_num_matches, AtLeast(1),
                "Features of an image that take part: the first ones.");
   table->Field("guided_matching", &guided_matching,

@@ -30,6 +30,7 @@ struct MatchPointsOptions {
   int num_threads = -1;
 
   void Describe(OptionTable* table) const;
+  void DescribeMatching(OptionTable* table) const;  // all but the number of threads
 };
 
 struct MatchedPairReport {

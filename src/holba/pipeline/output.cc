@@ -41,9 +41,10 @@ std::vector<std::string> FlatStems(const Reconstruction& model) {
 
 }  // namespace
 
-void StageStructurePly(const Reconstruction& model, StagedFolder* stage) {
+void StageStructurePly(const Reconstruction& model, const std::string& prefix,
+                       StagedFolder* stage) {
   const auto write = [&](const char* name, const PlyContent& content) {
-    stage->Write(name, [&](std::ostream* stream) { FormatPly(model, content, stream); });
+    stage->Write(prefix + name, [&](std::ostream* stream) { FormatPly(model, content, stream); });
   };
   write(kStructurePly, {.points = false, .lines = true, .groups = true});
   write(kPointsPly, {.points = true, .lines = false, .groups = false});
@@ -51,7 +52,7 @@ void StageStructurePly(const Reconstruction& model, StagedFolder* stage) {
 
 void StagePictures(const Reconstruction& model, const PhotographFolder& image_path,
                    const std::set<image_t>& without_photograph, int num_pictures, int num_threads,
-                   StagedFolder* stage) {
+                   const std::string& prefix, StagedFolder* stage) {
   std::vector<size_t> shown;  // indices of images
   for (size_t i = 0; i < model.images.size(); ++i) {
     if (!without_photograph.contains((model.images.begin() + i)->first)) shown.push_back(i);
@@ -59,8 +60,8 @@ void StagePictures(const Reconstruction& model, const PhotographFolder& image_pa
   const size_t num_images = shown.size();
   const size_t count =
       num_pictures < 0 ? num_images : std::min(num_images, static_cast<size_t>(num_pictures));
-  const fs::path folder = stage->path() / kPictures;
-  fs::create_directory(folder);
+  const fs::path folder = stage->path() / prefix / kPictures;
+  fs::create_directories(folder);
   const std::vector<std::string> stems = FlatStems(model);
   ParallelTasks(num_threads, count + 1, [&](size_t i) {
     if (i == count) {

@@ -13,7 +13,7 @@
 #include "holba/base/file_faults.h"
 #include "holba/base/threads.h"
 #include "holba/frontend/matching/retrieval.h"
-#include "holba/geometry/angle.h"
+#include "holba/geometry/earth.h"
 
 namespace holba {
 namespace {
@@ -106,20 +106,6 @@ std::vector<ImagePair> Sequential(const PairListOptions& options, const Database
   return pairs;
 }
 
-// WGS84 ellipsoid.
-Eigen::Vector3d EarthCentred(const Eigen::Vector3d& latitude_longitude_altitude) {
-  constexpr double kSemiMajor = 6378137.0, kFlattening = 1.0 / 298.257223563;
-  const double squared_eccentricity = kFlattening * (2.0 - kFlattening);
-  const double latitude = DegToRad(latitude_longitude_altitude.x());
-  const double longitude = DegToRad(latitude_longitude_altitude.y());
-  const double height = latitude_longitude_altitude.z();
-  const double sine = std::sin(latitude), cosine = std::cos(latitude);
-  const double radius = kSemiMajor / std::sqrt(1.0 - squared_eccentricity * sine * sine);
-  return {(radius + height) * cosine * std::cos(longitude),
-          (radius + height) * cosine * std::sin(longitude),
-          (radius * (1.0 - squared_eccentricity) + height) * sine};
-}
-
 std::vector<ImagePair> Spatial(const PairListOptions& options, const Database& database,
                                const std::map<image_t, DatabaseImage>& images) {
   std::vector<image_t> ids;
@@ -185,14 +171,17 @@ std::vector<ImagePair> FromList(const std::string& path,
 
 void PairListOptions::Describe(OptionTable* table) const {
   table->Section("");
-  table->Choice("pairs", &selection,
-                {{"exhaustive", PairSelection::kExhaustive},
-                 {"sequential", PairSelection::kSequential},
-                 {"spatial", PairSelection::kSpatial},
-                 {"retrieval", PairSelection::kRetrieval},
-                 {"list", PairSelection::kList}},
-                "Which images are matched: all with all, neighbours by name, neighbours by "
-                "position, those that look most alike, or the pairs of a file.");
+  table->Choice(
+      "pairs", &selection,
+      {{"auto", PairSelection::kAutomatic},
+       {"exhaustive", PairSelection::kExhaustive},
+       {"sequential", PairSelection::kSequential},
+       {"spatial", PairSelection::kSpatial},
+       {"retrieval", PairSelection::kRetrieval},
+       {"list", PairSelection::kList}},
+      "Which images are matched: all with all up to 300 images, else those that look alike; all "
+      "with all; neighbours by name; neighbours by position; those that look most alike; the "
+      "pairs of a file.");
   table->Section("ExhaustiveMatching");
   table->Field("block_size", &block_size, AtLeast(1),
                "Images that are kept in memory at a time are twice as many.");
@@ -233,6 +222,10 @@ std::vector<ImagePair> ListPairs(const PairListOptions& options, const Database&
   std::vector<image_t> ids;
   for (const auto& [id, image] : images) ids.push_back(id);
   switch (options.selection) {
+    case PairSelection::kAutomatic:
+      return ids.size() > kMaxNumExhaustive
+                 ? Retrieval(options, database, ids, num_threads)
+                 : Exhaustive(ids, static_cast<size_t>(options.block_size));
     case PairSelection::kExhaustive:
       return Exhaustive(ids, static_cast<size_t>(options.block_size));
     case PairSelection::kSequential:

@@ -18,11 +18,21 @@ struct InitialPair {
   Rigid3d cam2_from_cam1;
   size_t num_inliers = 0;
   double median_angle_deg = 0.0;
+
+  template <typename Archive>
+  void Visit(Archive* archive) {
+    (*archive)(image_id1, image_id2, cam2_from_cam1, num_inliers, median_angle_deg);
+  }
 };
 
 struct InitialPairReport {
   size_t num_tried = 0;                   // pairs whose geometry was estimated
   std::map<std::string, size_t> dropped;  // why not
+
+  template <typename Archive>
+  void Visit(Archive* archive) {
+    (*archive)(num_tried, dropped);
+  }
 };
 
 // The first pair, in COLMAP's order (known focal length first, then the number of matches), whose

@@ -54,6 +54,13 @@ class MapAdjuster {
 
   const AdjustmentReport& report() const { return report_; }
 
+  // Snapshots (snapshot_archive.h).
+  template <typename Archive>
+  void Visit(Archive* archive) {
+    (*archive)(report_, loss_scale_px_, line_loss_scale_px_, frames_at_global_, points_at_global_,
+               frames_at_groups_);
+  }
+
  private:
   BundleOptions Bundle() const;
   std::vector<image_t> ImagesAround(const std::vector<image_t>& image_ids) const;

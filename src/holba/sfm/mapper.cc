@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <functional>
 #include <optional>
 #include <set>
 #include <utility>
@@ -13,7 +14,9 @@
 #include "holba/sfm/filter_model.h"
 #include "holba/sfm/join_models.h"
 #include "holba/sfm/next_image.h"
+#include "holba/sfm/snapshot_archive.h"
 #include "holba/sfm/triangulate_lines.h"
+#include "holba/sfm/why_left_out.h"
 
 namespace holba {
 namespace {
@@ -59,19 +62,28 @@ class Mapper {
     return false;
   }
 
-  void Grow() {
-    const Timer timer;
-    bool is_last_chance = false;
+  // A model that came with poses: what its images have in common that it does not have yet.
+  void Continue() {
+    std::vector<image_t> images;
+    for (const auto& [id, image] : state_.model().images) images.push_back(id);
+    report_.num_registered = images.size();
+    Triangulate(images);
+  }
+
+  // `on_whole`: called before another image is looked for, where the whole model was adjusted since
+  // the last call.
+  void Grow(const std::function<void()>& on_whole) {
     while (!observer_.ShouldStop() && !state_.model().images.empty()) {
+      if (is_whole_) OnWhole(on_whole);
       const std::optional<image_t> image_id = RegisterNext();
       if (!image_id) {
-        if (is_last_chance && adjuster_.IsGlobalDone()) break;
+        if (is_last_chance_ && adjuster_.IsGlobalDone()) break;
         // Better poses may let images in that were refused.
-        is_last_chance = true;
+        is_last_chance_ = true;
         AdjustAll(true);
         continue;
       }
-      is_last_chance = false;
+      is_last_chance_ = false;
       const std::vector<image_t> frame = state_.ImagesOfFrame(*image_id);
       Triangulate(frame);
       if (IsContradictedAgain(frame)) continue;
@@ -80,7 +92,14 @@ class Mapper {
       observer_.OnImage(state_, *image_id, Sentence(*image_id));
     }
     if (!adjuster_.IsGlobalDone() && !state_.model().images.empty()) AdjustAll(true);
-    report_.total_seconds += timer.Seconds();
+    CountTotal();
+  }
+
+  // Snapshots (snapshot_archive.h), at the head of Grow's loop.
+  template <typename Archive>
+  void Visit(Archive* archive) {
+    (*archive)(report_, is_last_chance_);
+    adjuster_.Visit(archive);
   }
 
   // Images that got poses from another model.
@@ -98,6 +117,13 @@ class Mapper {
   }
 
  private:
+  void OnWhole(const std::function<void()>& on_whole) {
+    is_whole_ = false;
+    state_.RenewIndices();
+    CountTotal();
+    on_whole();
+  }
+
   bool BeginFrom(const InitialPair& pair) {
     RegisterInitialPair(pair, &state_);
     TriangulationOptions triangulation = options_.triangulation;
@@ -176,6 +202,7 @@ class Mapper {
       return true;
     }
     ++state_.num_registration_trials[image_id];
+    state_.registration_failures[image_id] = registration.failure;
     ++report_.num_failed_registrations;
     return false;
   }
@@ -215,7 +242,7 @@ class Mapper {
       }
     }
     Count("global adjustment", timer);
-    observer_.OnModel(state_);
+    is_whole_ = true;
   }
 
   // Images that lost their pose have been tried.
@@ -245,6 +272,10 @@ class Mapper {
     return true;
   }
 
+  void CountTotal() {
+    report_.total_seconds += since_counted_.Seconds();
+    since_counted_ = Timer();
+  }
   void Count(const char* stage, const Timer& timer) { report_.seconds[stage] += timer.Seconds(); }
 
   std::string Sentence(image_t image_id) const {
@@ -260,19 +291,23 @@ class Mapper {
   MapObserver& observer_;
   MapAdjuster adjuster_;
   MapReport report_;
+  bool is_last_chance_ = false;  // everything that was refused is tried once more
+  bool is_whole_ = false;        // all was adjusted since the last snapshot
+  Timer since_counted_;
 };
 
-std::string WhyLeftOut(const MapperOptions& options, const MapperState* last, image_t image_id,
-                       const CorrespondenceGraph& graph) {
-  if (!graph.Contains(image_id) || graph.NumCorrespondences(image_id) == 0)
-    return "no verified matches with any other image";
-  if (last == nullptr) return "no pair of images could begin a model";
-  const auto trials = last->num_registration_trials.find(image_id);
-  if (trials != last->num_registration_trials.end())
-    return "its pose was not found among its matches with the model";
-  (void)options;
-  return "it sees too few points of the model";
-}
+// What a run has besides the model that grows.
+struct Run {
+  MapResult result;
+  std::set<image_t> in_models;
+  std::set<ImagePair> failed_pairs;
+  bool is_done = false;
+
+  template <typename Archive>
+  void Visit(Archive* archive) {
+    (*archive)(result, in_models, failed_pairs, is_done);
+  }
+};
 
 // Models that share enough images with the greatest become part of it.
 void JoinModels(const MapperOptions& options, const SolverOptions& solver,
@@ -301,55 +336,76 @@ void JoinModels(const MapperOptions& options, const SolverOptions& solver,
 }  // namespace
 
 MapResult MapImages(const MapperOptions& options, const SolverOptions& solver,
-                    const MappingInput& input, const Reconstruction& scene, MapObserver* observer) {
-  MapResult result;
+                    const MappingInput& input, const Reconstruction& scene, MapObserver* observer,
+                    const std::string& snapshot) {
   MapObserver silent;
   if (observer == nullptr) observer = &silent;
-  std::set<image_t> in_models;
-  std::set<ImagePair> failed_pairs;
+  Run run;
+  MapResult& result = run.result;
+  std::optional<SnapshotReader> start;
+  if (!snapshot.empty()) run.Visit(&start.emplace(snapshot, scene));
   std::optional<MapperState> state;
-  while (result.models.size() < static_cast<size_t>(options.max_num_models) &&
+  while (!run.is_done && result.models.size() < static_cast<size_t>(options.max_num_models) &&
          !observer->ShouldStop()) {
     const bool is_first = result.models.empty();
     state.emplace(input, scene);
-    state->images_of_earlier_models = in_models;
-    state->failed_initial_pairs = failed_pairs;
+    state->images_of_earlier_models = run.in_models;
+    state->failed_initial_pairs = run.failed_pairs;
     Mapper mapper(options, solver, &*state, observer);
-    if (scene.frames.empty() && !mapper.Begin(&result.initial_pairs)) break;
-    mapper.Grow();
+    if (start) {
+      state->Visit(&*start);
+      mapper.Visit(&*start);
+      start.reset();
+    } else if (!scene.frames.empty()) {
+      mapper.Continue();
+    } else if (!mapper.Begin(&result.initial_pairs)) {
+      if (is_first) result.left_out = WhyLeftOut(options, *state);
+      break;
+    }
+    mapper.Grow([&] {
+      if (!observer->WantsSnapshot()) return;
+      SnapshotWriter writer(scene);
+      run.Visit(&writer);
+      state->Visit(&writer);
+      mapper.Visit(&writer);
+      observer->OnSnapshot(writer.bytes());
+    });
+    if (is_first) result.left_out = WhyLeftOut(options, *state);
     const Reconstruction& model = state->model();
     MapReport report = mapper.Report();
     if (model.images.empty()) {
       // It fell apart: the next pair may do better.
       if (!scene.frames.empty()) break;
       const auto [a, b] = std::minmax(report.initial_pair.image_id1, report.initial_pair.image_id2);
-      failed_pairs.insert({a, b});
+      run.failed_pairs.insert({a, b});
       ++result.initial_pairs.dropped["the model that it began fell apart"];
       continue;
     }
     size_t num_shared = 0;
-    for (const auto& [id, image] : model.images) num_shared += in_models.contains(id);
+    for (const auto& [id, image] : model.images) num_shared += run.in_models.contains(id);
     const size_t num_new = model.images.size() - num_shared;
-    for (const auto& [id, image] : model.images) in_models.insert(id);
+    for (const auto& [id, image] : model.images) run.in_models.insert(id);
     const bool is_large = model.images.size() >= static_cast<size_t>(options.min_model_size);
     if (is_first || is_large) result.models.push_back({model, std::move(report)});
     if (!options.multiple_models || !scene.frames.empty() || num_new == 0) break;
-    if (in_models.size() >= input.graph.image_ids().size()) break;
+    if (run.in_models.size() >= input.graph.image_ids().size()) break;
   }
-  std::stable_sort(result.models.begin(), result.models.end(), [](const auto& a, const auto& b) {
-    return a.model.images.size() > b.model.images.size();
-  });
-  JoinModels(options, solver, input, observer, &result.models);
-  std::set<image_t> mapped;
-  for (const MappedModel& mapped_model : result.models) {
-    for (const auto& [id, image] : mapped_model.model.images) mapped.insert(id);
+  if (!run.is_done) {
+    std::stable_sort(result.models.begin(), result.models.end(), [](const auto& a, const auto& b) {
+      return a.model.images.size() > b.model.images.size();
+    });
+    JoinModels(options, solver, input, observer, &result.models);
   }
-  const auto explain = [&](image_t id) {
-    if (!mapped.contains(id))
-      result.left_out[id] = WhyLeftOut(options, state ? &*state : nullptr, id, input.graph);
-  };
-  for (const auto& [id, image] : scene.unregistered_images) explain(id);
-  return result;
+  for (const MappedModel& mapped : result.models) {
+    for (const auto& [id, image] : mapped.model.images) result.left_out.erase(id);
+  }
+  run.is_done = true;
+  if (observer->WantsSnapshot()) {
+    SnapshotWriter writer(scene);
+    run.Visit(&writer);
+    observer->OnSnapshot(writer.bytes());
+  }
+  return std::move(run.result);
 }
 
 }  // namespace holba

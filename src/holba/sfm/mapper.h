@@ -32,11 +32,23 @@ struct MapReport {
   AdjustmentReport adjustments;
   std::map<std::string, double> seconds;  // by stage
   double total_seconds = 0.0;
+
+  template <typename Archive>
+  void Visit(Archive* archive) {
+    (*archive)(initial_pair, num_registered, num_registered_without_structure,
+               num_failed_registrations, num_joined, num_contradicted, points, lines, adjustments,
+               seconds, total_seconds);
+  }
 };
 
 struct MappedModel {
   Reconstruction model;
   MapReport report;
+
+  template <typename Archive>
+  void Visit(Archive* archive) {
+    (*archive)(model, report);
+  }
 };
 
 struct MapResult {
@@ -44,6 +56,11 @@ struct MapResult {
   // Of images that are in no model, by id: a phrase.
   std::map<image_t, std::string> left_out;
   InitialPairReport initial_pairs;
+
+  template <typename Archive>
+  void Visit(Archive* archive) {
+    (*archive)(models, left_out, initial_pairs);
+  }
 };
 
 // What a run tells while it goes on. Called on the mapper's thread between stages.
@@ -52,15 +69,20 @@ class MapObserver {
   virtual ~MapObserver() = default;
   // After the first pair and each registration with what follows it.
   virtual void OnImage(const MapperState&, image_t /*image_id*/, const std::string& /*sentence*/) {}
-  // After each adjustment of the whole model: a whole state, for snapshots.
-  virtual void OnModel(const MapperState&) {}
+  // After adjustments of the whole model, and at the end: whether all that the run has come to is
+  // wanted as bytes, which a run with the same options, input and scene can begin with.
+  virtual bool WantsSnapshot() { return false; }
+  virtual void OnSnapshot(const std::string& /*bytes*/) {}
   // True: end as soon as may be; what there is is the result.
   virtual bool ShouldStop() { return false; }
 };
 
 // `scene`: cameras, rigs, frames and all images (mapper_state.h). With images that have poses the
-// model is continued, else begun. Empty result: no pair of images could begin a model.
+// model is continued, else begun. `snapshot` (empty: none): of a run with the same arguments, which
+// is gone on with to the same result, bit for bit. Empty result: no pair of images could begin a
+// model.
 MapResult MapImages(const MapperOptions& options, const SolverOptions& solver,
-                    const MappingInput& input, const Reconstruction& scene, MapObserver* observer);
+                    const MappingInput& input, const Reconstruction& scene, MapObserver* observer,
+                    const std::string& snapshot = "");
 
 }  // namespace holba

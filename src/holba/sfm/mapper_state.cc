@@ -45,6 +45,14 @@ MapperState::MapperState(const MappingInput& input, Reconstruction scene)
     : input_(&input), model_(std::move(scene)) {
   for (const auto& [id, camera] : model_.cameras) given_params[id] = camera.params;
   for (const auto& [id, frame] : model_.frames) existing_frames.insert(id);
+  ForgetCounts();
+}
+
+void MapperState::ForgetCounts() {
+  visibility_.clear();
+  touched_.clear();
+  stale_.clear();
+  num_registered_.clear();
   for (const auto& [id, image] : model_.images) ++num_registered_[image.camera_id];
 }
 

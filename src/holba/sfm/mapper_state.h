@@ -10,6 +10,7 @@
 #include <optional>
 #include <set>
 #include <span>
+#include <string>
 #include <unordered_map>
 #include <unordered_set>
 #include <vector>
@@ -62,6 +63,19 @@ class MapperState {
   // --- Points whose tracks changed since they were last taken, ascending; some may be gone.
   std::vector<point3D_t> TakeModifiedPoints();
 
+  // --- Snapshots (snapshot_archive.h): all that decides how a run goes on.
+  template <typename Archive>
+  void Visit(Archive* archive) {
+    (*archive)(model_, modified_points_, num_registration_trials, registration_failures,
+               num_initial_trials, tried_initial_pairs, failed_initial_pairs, num_retriangulations,
+               images_of_earlier_models, existing_frames, given_params, line_merges_tried,
+               contradicted);
+    if constexpr (Archive::kReads) ForgetCounts();
+  }
+  // Gives up what the model keeps beside its records and makes anew when it is asked for: a run
+  // that goes on is then where one that reads its snapshot is, also in the order of associations.
+  void RenewIndices() { model_ = Reconstruction(model_); }
+
   // --- Visibility of an image without a pose; counted anew only where something changed in images
   // that it has matches with.
   const Visibility& VisibilityOf(image_t image_id);
@@ -72,9 +86,10 @@ class MapperState {
   // Number of registered images of a camera.
   size_t NumRegistered(camera_t camera_id) const;
 
-  // --- What has been tried; stages keep it.
-  std::map<image_t, int> num_registration_trials;  // failed ones
-  std::map<image_t, int> num_initial_trials;       // as first image
+  // --- What has been tried; stages keep it. A new field joins Visit's list.
+  std::map<image_t, int> num_registration_trials;        // failed ones
+  std::map<image_t, std::string> registration_failures;  // why the last one failed
+  std::map<image_t, int> num_initial_trials;             // as first image
   std::set<ImagePair> tried_initial_pairs;
   std::set<ImagePair> failed_initial_pairs;  // models that began with them came to nothing
   std::map<ImagePair, int> num_retriangulations;
@@ -88,6 +103,7 @@ class MapperState {
   std::map<camera_t, std::vector<double>> given_params;
 
  private:
+  void ForgetCounts();           // they are made anew from the model
   void Touch(image_t image_id);  // its features became, or are no longer, seen in 3D
   void TouchTrack(const Point3D& point);
   void TouchTrack(const Line3D& line);

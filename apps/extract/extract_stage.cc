@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "apps/extract/extract_stage.h"
+
+#include <optional>
+
+#include "holba/base/file_faults.h"
+#include "holba/base/progress.h"
+#include "holba/frontend/photographs/opencv_threads.h"
+#include "holba/io/database.h"
+
+namespace holba {
+
+ExtractReport RunExtract(const ExtractOptions& options, const std::filesystem::path& image_path,
+                         const std::filesystem::path& database_path, bool quiet) {
+  if (!std::filesystem::is_directory(image_path)) throw NoSuchFolder(image_path, "--image_path");
+  options.Check();
+  HoldOpenCvThreads();
+  Database database(database_path);
+  std::optional<Progress> progress;
+  return ExtractFeaturesOf(options, image_path, &database, [&](size_t num_done, size_t num_all) {
+    if (!progress) progress.emplace("Extracting", "images", num_all, !quiet);
+    progress->Update(num_done);
+    if (num_done == num_all) progress->Clear();
+  });
+}
+
+}  // namespace holba
