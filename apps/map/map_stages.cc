@@ -190,7 +190,7 @@ void MapStages::DescribeWithoutPhotographs(OptionTable* table) const {
                 "Format of the model folders.");
   table->Field(
       "refine", &refine_models_,
-      "Whether models are refined at the end as by 'holba refine': structure of all images, "
+      "Whether models are refined at the end, as by 'holba refine': structure of all images, "
       "weights chosen by points left out, intrinsics as far as they are determined.");
   table->Field("num_pictures", &num_pictures_, AtLeast(-1),
                "Photographs that are drawn upon, evenly spread over each model; -1: all.");
@@ -200,8 +200,7 @@ void MapStages::DescribeWithoutPhotographs(OptionTable* table) const {
               "the database), in metres, if these are exact enough for that.")
       .Advanced();
   table->Field("resume", &resume_,
-               "Whether a run to the same place that was stopped is gone on with, to the same "
-               "result.");
+               "Whether a stopped run to the same place goes on, to the same result.");
   table
       ->Field("snapshot_seconds", &snapshot_seconds_, AtLeast(0),
               "Least time in seconds between two snapshots for that.")

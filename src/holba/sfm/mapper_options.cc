@@ -123,7 +123,7 @@ void MapperOptions::Describe(OptionTable* table) const {
                "Share of observations that changes less ends these.");
   table
       ->Field("ba_refine_focal_length", &global.refine_focal_length,
-              "Whether focal lengths are adjusted while the model grows.")
+              "Whether growing models adjust focal lengths.")
       .Basic();
   table->Field("ba_refine_principal_point", &global.refine_principal_point,
                "Whether principal points are adjusted while the model grows.");
