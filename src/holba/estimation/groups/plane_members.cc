@@ -27,6 +27,7 @@ double Cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
 
 // Counter-clockwise (Andrew's monotone chain).
 Polygon ConvexHull(Polygon points) {
+  if (points.empty()) return {};
   std::sort(points.begin(), points.end(), [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
     return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y();
   });
@@ -67,6 +68,7 @@ struct PlaneExtent {
 
   double Distance(const Eigen::Vector3d& X) const { return std::abs(n.dot(X) + w); }
   bool IsNearMembers(const Eigen::Vector3d& X, double reach) const {
+    if (tree.size() < 2) return false;
     // The second nearest decides: a single wrong member must not attract others.
     const std::vector<KdTree::Neighbour> nearest = tree.Nearest(X, 2);
     return nearest.size() == 2 && nearest[1].squared_distance <= reach * reach;

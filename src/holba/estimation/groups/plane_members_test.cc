@@ -85,6 +85,16 @@ TEST(AddLinesToPlanes, HullCarriesALineAcrossAGapWithoutPoints) {
   EXPECT_THAT(model.groups3D.at(1).line3D_ids, ElementsAre(1));
 }
 
+TEST(AddLinesToPlanes, APlaneWithoutPointsAttractsNothing) {
+  Random random(4);
+  Reconstruction model = MakeCameraRow(5, 1.0);
+  model.groups3D.Add(1, {.type = FindGroupType("PLANE"), .params = {0, 0, 1, -10}});
+  AddLine({-1, 0, 10}, {1, 0, 10}, &model);
+  AddPoint({0, 0, 10}, 0, &random, &model);
+  EXPECT_EQ(AddLinesToPlanes({}, &model).added, 0);
+  EXPECT_EQ(AddPointsToPlanes({}, {}, &model).added, 0);
+}
+
 TEST(AddPointsToPlanes, CornersBelongToBothPlanesAndSideBySidePlanesShareNothing) {
   Random random(3);
   Reconstruction model = MakeCorner();
