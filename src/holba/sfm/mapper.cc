@@ -98,7 +98,7 @@ class Mapper {
   // Snapshots (snapshot_archive.h), at the head of Grow's loop.
   template <typename Archive>
   void Visit(Archive* archive) {
-    (*archive)(report_, is_last_chance_);
+    (*archive)(report_, is_last_chance_, frames_at_check_);
     adjuster_.Visit(archive);
   }
 
@@ -228,21 +228,28 @@ class Mapper {
   void AdjustAll(bool is_last) {
     const Timer timer;
     Remove(adjuster_.AdjustAll(is_last));
-    if (options_.filter.contradicted_images) {
-      std::vector<image_t> contradicted = MissingMatches(state_).ContradictedImages();
-      std::erase_if(contradicted, [&](image_t id) {
-        return state_.existing_frames.contains(state_.model().images.at(id).frame_id);
-      });
-      if (!contradicted.empty()) {
-        report_.num_contradicted += contradicted.size();
-        state_.contradicted.insert(contradicted.begin(), contradicted.end());
-        Undo(contradicted);
-        Remove(contradicted);
-        Remove(adjuster_.AdjustAll(is_last));
-      }
-    }
+    if (TakeContradictedBack(is_last)) Remove(adjuster_.AdjustAll(is_last));
     Count("global adjustment", timer);
     is_whole_ = true;
+  }
+
+  // Looks at all pairs of like views, so that it is done at the end and each time that the model
+  // has grown by a quarter. Whether any image lost its pose.
+  bool TakeContradictedBack(bool is_last) {
+    const size_t num_frames = state_.model().frames.size();
+    if (!options_.filter.contradicted_images || (!is_last && 4 * num_frames < 5 * frames_at_check_))
+      return false;
+    frames_at_check_ = num_frames;
+    std::vector<image_t> contradicted = MissingMatches(state_).ContradictedImages();
+    std::erase_if(contradicted, [&](image_t id) {
+      return state_.existing_frames.contains(state_.model().images.at(id).frame_id);
+    });
+    if (contradicted.empty()) return false;
+    report_.num_contradicted += contradicted.size();
+    state_.contradicted.insert(contradicted.begin(), contradicted.end());
+    Undo(contradicted);
+    Remove(contradicted);
+    return true;
   }
 
   // Images that lost their pose have been tried.
@@ -291,6 +298,7 @@ class Mapper {
   MapObserver& observer_;
   MapAdjuster adjuster_;
   MapReport report_;
+  size_t frames_at_check_ = 0;   // when missing matches were last looked for
   bool is_last_chance_ = false;  // everything that was refused is tried once more
   bool is_whole_ = false;        // all was adjusted since the last snapshot
   Timer since_counted_;
