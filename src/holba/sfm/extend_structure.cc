@@ -72,7 +72,10 @@ void RebuildGroups(const MapperOptions& options, MapperState* state) {
   Reconstruction& model = *state->mutable_model();
   const StructureOptions& structure = options.structure_options;
   model.relations.clear();
-  model.DeleteGroups3D([](group3D_t, const Group3D&) { return true; });
+  // Planes stay, with the members that still fit: only points on none of them are searched for more,
+  // or the search would cost the square of the model.
+  model.DeleteGroups3D([](group3D_t, const Group3D& group) { return !IsPlane(*group.type); });
+  UpdateMembers(structure.regions.members, &model);
   FormVanishingPoints(structure.vps, state->input().features, &model);
   LabelLines(structure.line_labels, &model);
   DetectPlanes(structure.planes, &model);

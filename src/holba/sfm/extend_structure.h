@@ -24,8 +24,9 @@ struct GroupChanges {
 GroupChanges ExtendGroups(const StructureOptions& options, std::span<const point3D_t> point_ids,
                           std::span<const line3D_t> line_ids, MapperState* state);
 
-// After adjustments of all: groups, members, incidences and relations anew, which costs what the
-// model costs; it is called as often as that, each time the model has grown by a share of itself.
+// After adjustments of all: vanishing points, members, incidences and relations anew, and planes
+// among the points that are on none. It costs what the model costs, and is called each time the
+// model has grown by a share of itself.
 void RebuildGroups(const MapperOptions& options, MapperState* state);
 
 }  // namespace holba
