@@ -241,8 +241,13 @@ StagedFolder::~StagedFolder() {
 
 void StagedFolder::Write(const std::string& name, const std::function<void(std::ostream*)>& write) {
   const fs::path path = stage_ / name;
-  std::error_code error;
-  fs::create_directories(path.parent_path(), error);  // the file's own failure says what is wrong
+  std::error_code error;  // the file's own failure says what is wrong
+  // Below the stage only: one that an interrupt has removed is not made again.
+  fs::path folder = stage_;
+  for (const fs::path& part : fs::path(name).parent_path()) {
+    folder /= part;
+    fs::create_directory(folder, error);
+  }
   WriteTo(path, target_ / name, write);
 }
 
