@@ -20,7 +20,6 @@
 #include "holba/base/timer.h"
 #include "holba/base/words.h"
 #include "holba/bundle/bundle_problem.h"
-#include "holba/estimation/lines/line_leave_one_out.h"
 #include "holba/frontend/photographs/opencv_threads.h"
 #include "holba/io/files.h"
 #include "holba/io/model_io.h"
@@ -228,17 +227,18 @@ LineMatchingOptions MapStages::SegmentMatching() const {
 void MapStages::Check() const { detection_.Check(); }
 
 MappingData MapStages::Read(const MapPaths& paths, Database* database) const {
-  const MappingDataOptions options{.min_num_matches = static_cast<size_t>(mapper_.min_num_matches),
-                                   .ignore_watermarks = mapper_.ignore_watermarks,
-                                   .structure = mapper_.structure != MapperStructure::kNone,
-                                   .num_threads = num_threads()};
+  const MappingDataOptions options{
+      .selection = {static_cast<size_t>(mapper_.min_num_matches), mapper_.ignore_watermarks},
+      .structure = mapper_.structure != MapperStructure::kNone,
+      .num_threads = num_threads()};
   const std::filesystem::path photographs = paths.image_path;
   MappingData data = ReadMappingData(options, detection_, SegmentMatching(),
                                      paths.image_path.empty() ? nullptr : &photographs, database);
-  LogInfo("{} with {} of keypoints and {} of segments",
-          Counted(data.scene.unregistered_images.size(), "image"),
-          Counted(database->VerifiedPairs(options.min_num_matches).size(), "verified pair"),
-          Counted(data.segments.num_mutual, "match"));
+  LogInfo(
+      "{} with {} of keypoints and {} of segments",
+      Counted(data.scene.unregistered_images.size(), "image"),
+      Counted(database->VerifiedPairs(options.selection.min_num_matches).size(), "verified pair"),
+      Counted(data.segments.num_mutual, "match"));
   return data;
 }
 
@@ -278,7 +278,7 @@ MapOutput MapStages::Run(const MapPaths& paths,
       MapOutput::OfModel& of_model = output.models.emplace_back();
       of_model.map = std::move(mapped.report);
       const Timer refine_timer;
-      if (refine_models_) Refine(paths, data, &mapped.model, &of_model);
+      if (refine_models_) Refine(paths, data, &database, &mapped.model, &of_model);
       // A model that is continued stays where it is.
       if (align_to_positions_ && paths.input_path.empty())
         of_model.alignment = AlignToPositions(database.ReadPositionPriors(), &mapped.model);
@@ -363,24 +363,13 @@ void MapStages::Write(const MapPaths& paths, const MapReports& reports,
   RemoveEmptyFolders(paths.output_path);
 }
 
-void MapStages::Refine(const MapPaths& paths, const MappingData& data, Reconstruction* model,
-                       MapOutput::OfModel* report) const {
+void MapStages::Refine(const MapPaths& paths, const MappingData& data, Database* database,
+                       Reconstruction* model, MapOutput::OfModel* report) const {
   RefineOutput& output = report->refine.emplace();
   RefineOptions options = refine_;
   if (mapper_.fix_existing_frames && !paths.input_path.empty()) options.fix_poses = true;
-  switch (mapper_.structure) {
-    case MapperStructure::kNone:
-      options.bundle.config = BundleConfig::kPoint;
-      break;
-    case MapperStructure::kLines:
-      options.bundle.config = BundleConfig::kPointLine;
-      break;
-    case MapperStructure::kGroups:
-      options.bundle.config = BundleConfig::kGroups;
-      break;
-    case MapperStructure::kHolistic:
-      break;
-  }
+  if (mapper_.structure != MapperStructure::kHolistic)
+    options.bundle.config = ConfigOf(mapper_.structure);
   // What was held while the model grew is known: also the principal point, if all else is.
   const GlobalAdjustmentOptions& grown = mapper_.global;
   if (!grown.refine_focal_length) options.bundle.refine_focal_length = false;
@@ -389,7 +378,6 @@ void MapStages::Refine(const MapPaths& paths, const MappingData& data, Reconstru
   if (!grown.refine_focal_length && !grown.refine_extra_params && !grown.refine_principal_point)
     options.bundle.refine_principal_point = false;
   const auto log = [](const std::string& text) { LogInfo("{}", text); };
-  Database database(paths.database_path);
   std::map<image_t, image_t> own_ids;
   for (const auto& [id, image] : model->images) own_ids[id] = id;
   std::map<image_t, ImportedSegments> imported;
@@ -400,7 +388,7 @@ void MapStages::Refine(const MapPaths& paths, const MappingData& data, Reconstru
   if (mapper_.structure != MapperStructure::kNone) {
     if (has_photographs) {
       // The cameras are better known now, and with them what is straight.
-      features = DetectFeatures(detection_, photographs, *model, own_ids, &database, &imported,
+      features = DetectFeatures(detection_, photographs, *model, own_ids, database, &imported,
                                 &output.detection);
     } else {
       for (const auto& [id, of_image] : data.input.features) {
@@ -412,7 +400,7 @@ void MapStages::Refine(const MapPaths& paths, const MappingData& data, Reconstru
   const auto match_lines = [&](const Reconstruction& posed) {
     if (!features.empty()) {
       matches = MatchLines(matching_, detection_.imports.line_matches, posed, features, own_ids,
-                           imported, &database, &output.matching);
+                           imported, database, &output.matching);
     }
     return matches;
   };

@@ -71,8 +71,8 @@ class MapStages {
   void Write(const MapPaths& paths, const MapReports& reports,
              const std::set<image_t>& without_photograph,
              const std::vector<Reconstruction>& models) const;
-  void Refine(const MapPaths& paths, const MappingData& data, Reconstruction* model,
-              MapOutput::OfModel* report) const;
+  void Refine(const MapPaths& paths, const MappingData& data, Database* database,
+              Reconstruction* model, MapOutput::OfModel* report) const;
 
   MapperOptions mapper_;
   RefineOptions refine_;

@@ -18,10 +18,7 @@ bool SameCamera(const Camera& a, const Camera& b) {
 
 Keypoints ToKeypoints(const std::vector<Point2D>& points2D) {
   Keypoints keypoints;
-  for (const Point2D& point : points2D) {
-    keypoints.data.push_back(static_cast<float>(point.xy.x()));
-    keypoints.data.push_back(static_cast<float>(point.xy.y()));
-  }
+  for (const Point2D& point : points2D) keypoints.Add(point.xy);
   return keypoints;
 }
 

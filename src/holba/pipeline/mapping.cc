@@ -4,7 +4,6 @@
 #include <utility>
 #include <vector>
 
-#include "holba/io/database_graph.h"
 #include "holba/io/database_scene.h"
 #include "holba/pipeline/image_structure.h"
 #include "holba/pipeline/match_lines.h"
@@ -84,7 +83,7 @@ MappingData ReadMappingData(const MappingDataOptions& options, const DetectionOp
   }
   LineMatchMap line_matches;
   if (!data.input.features.empty()) {
-    const std::vector<ImagePair> pairs = database->VerifiedPairs(options.min_num_matches);
+    const std::vector<ImagePair> pairs = database->VerifiedPairs(options.selection.min_num_matches);
     data.segments =
         MatchSegmentsOfPairs(matching, pairs, options.num_threads, database, &line_matches);
     AddStoredLineMatches(pairs, data.input.features, *database, &line_matches);
@@ -94,10 +93,8 @@ MappingData ReadMappingData(const MappingDataOptions& options, const DetectionOp
   data.num_images_of_unknown_rigs = scene.num_images_of_unknown_rigs;
   data.input.cameras_of_known_focal_length = std::move(scene.cameras_of_known_focal_length);
   for (const ImagePair& pair : database->MatchedPairs(0)) data.input.compared_pairs.insert(pair);
-  data.input.graph = ReadCorrespondenceGraph(
-      *database,
-      {.min_num_matches = options.min_num_matches, .ignore_watermarks = options.ignore_watermarks},
-      &data.input.features, &line_matches);
+  data.input.graph =
+      ReadCorrespondenceGraph(*database, options.selection, &data.input.features, &line_matches);
   return data;
 }
 

@@ -12,6 +12,7 @@
 #include <string>
 
 #include "holba/io/database.h"
+#include "holba/io/database_graph.h"
 #include "holba/pipeline/detection.h"
 #include "holba/pipeline/match_segments.h"
 #include "holba/scene/mapping_input.h"
@@ -20,8 +21,7 @@
 namespace holba {
 
 struct MappingDataOptions {
-  size_t min_num_matches = 15;
-  bool ignore_watermarks = false;
+  MatchSelection selection;
   bool structure = true;  // segments, vanishing points and their matches
   int num_threads = -1;
 };

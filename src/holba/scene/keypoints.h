@@ -16,6 +16,11 @@ struct Keypoints {
   std::vector<float> data;  // row by row
 
   size_t size() const { return data.size() / num_cols; }
+  // Of two columns.
+  void Add(const Eigen::Vector2d& xy) {
+    data.push_back(static_cast<float>(xy.x()));
+    data.push_back(static_cast<float>(xy.y()));
+  }
   Eigen::Vector2d Position(size_t idx) const {
     return {data[idx * num_cols], data[idx * num_cols + 1]};
   }

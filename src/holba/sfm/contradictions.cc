@@ -6,6 +6,7 @@
 #include <map>
 #include <utility>
 
+#include "holba/bundle/reprojection.h"
 #include "holba/geometry/angle.h"
 #include "holba/robust/median.h"
 #include "holba/scene/covisibility.h"
@@ -100,10 +101,9 @@ bool MissingMatches::AreAlike(const View& a, const View& b) const {
 }
 
 int MissingMatches::BinOf(const View& from, const View& to, const Eigen::Vector3d& X) const {
-  const Eigen::Vector3d in_cam = to.image->cam_from_world * X;
-  Eigen::Vector2d pixel;
-  if (!(in_cam.z() > 0.0) || !to.camera->model->project(to.camera->params.data(), in_cam, &pixel))
-    return -1;
+  const auto seen = PixelOf(state_.model(), *to.image, X);
+  if (!seen) return -1;
+  const Eigen::Vector2d& pixel = *seen;
   // Not at the border, where a detector finds nothing.
   const auto width = static_cast<double>(to.camera->width),
              height = static_cast<double>(to.camera->height);

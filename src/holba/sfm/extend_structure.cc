@@ -10,15 +10,13 @@
 
 namespace holba {
 
-GroupChanges ExtendGroups(const StructureOptions& options, std::span<const point3D_t> point_ids,
-                          std::span<const line3D_t> line_ids, MapperState* state) {
-  GroupChanges changes;
+size_t LabelNewLines(const StructureOptions& options, std::span<const line3D_t> line_ids,
+                     MapperState* state) {
+  size_t num_joined = 0;
   Reconstruction& model = *state->mutable_model();
   std::vector<group3D_t> vps;
-  bool has_planes = false;
   for (const auto& [id, group] : model.groups3D) {
     if (IsVanishingPoint(*group.type)) vps.push_back(id);
-    has_planes = has_planes || IsPlane(*group.type);
   }
   // Of a line, by how far its direction may be off where the segments' vanishing points agree with
   // the group's: as far as vanishing points of images agree in the median.
@@ -54,17 +52,9 @@ GroupChanges ExtendGroups(const StructureOptions& options, std::span<const point
       num_agreeing += std::abs(in_world.normalized().dot(direction.normalized())) > max_deviation;
     }
     if (2 * num_agreeing <= line->track.size()) continue;
-    changes.lines_joined += model.AddLineMember(best, id);
+    num_joined += model.AddLineMember(best, id);
   }
-  if (has_planes && !point_ids.empty()) {
-    std::vector<point3D_t> there;
-    for (const point3D_t id : point_ids) {
-      if (model.points3D.contains(id)) there.push_back(id);
-    }
-    if (!there.empty())
-      changes.points_joined = AddPointsToPlanes(options.plane_members, there, &model).added;
-  }
-  return changes;
+  return num_joined;
 }
 
 void RebuildGroups(const MapperOptions& options, MapperState* state) {
@@ -72,8 +62,8 @@ void RebuildGroups(const MapperOptions& options, MapperState* state) {
   Reconstruction& model = *state->mutable_model();
   const StructureOptions& structure = options.structure_options;
   model.relations.clear();
-  // Planes stay, with the members that still fit: only points on none of them are searched for more,
-  // or the search would cost the square of the model.
+  // Planes stay, with the members that still fit: only points on none of them are searched for
+  // more, or the search would cost the square of the model.
   model.DeleteGroups3D([](group3D_t, const Group3D& group) { return !IsPlane(*group.type); });
   UpdateMembers(structure.regions.members, &model);
   FormVanishingPoints(structure.vps, state->input().features, &model);

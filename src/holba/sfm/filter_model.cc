@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 
+#include "holba/bundle/reprojection.h"
 #include "holba/geometry/angle.h"
 
 namespace holba {
@@ -40,12 +41,10 @@ size_t FilterPoints(const FilterOptions& options, std::span<const point3D_t> poi
     std::vector<PointObservation> wrong;
     for (const PointObservation& observation : point->track) {
       const Image& image = model.images.at(observation.image_id);
-      const Camera& camera = model.cameras.at(image.camera_id);
-      const Eigen::Vector3d in_cam = image.cam_from_world * point->xyz;
-      Eigen::Vector2d pixel;
+      const auto pixel = PixelOf(model, image, point->xyz);
       const bool fits =
-          in_cam.z() > 0.0 && camera.model->project(camera.params.data(), in_cam, &pixel) &&
-          (pixel - image.points2D[observation.point2D_idx].xy).squaredNorm() <= max_squared;
+          pixel &&
+          (*pixel - image.points2D[observation.point2D_idx].xy).squaredNorm() <= max_squared;
       if (!fits) wrong.push_back(observation);
     }
     if (wrong.size() + 1 >= point->track.size()) {

@@ -8,23 +8,12 @@
 #include "holba/base/check.h"
 #include "holba/base/threads.h"
 #include "holba/estimation/two_view/relative_pose.h"
-#include "holba/estimation/two_view/two_view_estimation.h"
-#include "holba/geometry/angle.h"
+#include "holba/sfm/calibrated_pair.h"
 
 namespace holba {
 namespace {
 
 ImagePair Ordered(image_t a, image_t b) { return {std::min(a, b), std::max(a, b)}; }
-
-Keypoints KeypointsOf(const Image& image) {
-  Keypoints keypoints;
-  keypoints.data.reserve(2 * image.points2D.size());
-  for (const Point2D& point : image.points2D) {
-    keypoints.data.push_back(static_cast<float>(point.xy.x()));
-    keypoints.data.push_back(static_cast<float>(point.xy.y()));
-  }
-  return keypoints;
-}
 
 // A geometry that was estimated, or why it is none.
 struct Trial {
@@ -34,8 +23,8 @@ struct Trial {
 
 class InitialPairSearch {
  public:
-  InitialPairSearch(const InitialPairOptions& options, MapperState* state)
-      : options_(options), state_(*state), model_(state->model()) {}
+  InitialPairSearch(const InitialPairOptions& options, int random_seed, MapperState* state)
+      : options_(options), random_seed_(random_seed), state_(*state), model_(state->model()) {}
 
   std::optional<InitialPair> Run(int num_threads, InitialPairReport* report) {
     // Tried in parallel, a batch at a time; the first in order wins.
@@ -123,8 +112,6 @@ class InitialPairSearch {
     trial.pair.image_id1 = first;
     trial.pair.image_id2 = second;
     const Image &image1 = *model_.FindImage(first), &image2 = *model_.FindImage(second);
-    const Camera &camera1 = model_.cameras.at(image1.camera_id),
-                 &camera2 = model_.cameras.at(image2.camera_id);
     const PointMatches matches = state_.graph().MatchesBetween(first, second);
     if (AreOfOneFrame(first, second)) return OfRig(matches, image1, image2, trial);
     if (HasScale(first) || HasScale(second)) {
@@ -133,17 +120,11 @@ class InitialPairSearch {
           "frames of a rig with more than one image, whose scale two images cannot tell";
       return trial;
     }
-    // The matches were verified by any geometry; here a calibrated one is wanted, whatever is known
-    // of the focal length.
-    TwoViewOptions two_view;
-    two_view.min_num_inliers = options_.min_num_inliers;
-    two_view.max_error = options_.max_error_px;
-    two_view.min_E_F_inlier_ratio = 0.0;
-    two_view.detect_watermark = false;
-    const Keypoints keypoints1 = KeypointsOf(image1), keypoints2 = KeypointsOf(image2);
     const TwoViewResult result =
-        EstimateTwoView(two_view, {&camera1, true, &keypoints1}, {&camera2, true, &keypoints2},
-                        matches, false, (uint64_t{first} << 32) + second);
+        EstimateCalibratedPair({.min_num_inliers = options_.min_num_inliers,
+                                .max_error_px = options_.max_error_px,
+                                .random_seed = random_seed_},
+                               state_, first, second);
     trial.pair.num_inliers = result.geometry.inlier_matches.size();
     trial.pair.median_angle_deg = result.median_angle_deg;
     if (trial.pair.num_inliers < static_cast<size_t>(options_.min_num_inliers)) {
@@ -206,15 +187,17 @@ class InitialPairSearch {
   static constexpr double kMinRigAngleDeg = 1.5;
 
   const InitialPairOptions& options_;
+  const int random_seed_;
   MapperState& state_;
   const Reconstruction& model_;
 };
 
 }  // namespace
 
-std::optional<InitialPair> FindInitialPair(const InitialPairOptions& options, int num_threads,
-                                           MapperState* state, InitialPairReport* report) {
-  return InitialPairSearch(options, state).Run(num_threads, report);
+std::optional<InitialPair> FindInitialPair(const InitialPairOptions& options, int random_seed,
+                                           int num_threads, MapperState* state,
+                                           InitialPairReport* report) {
+  return InitialPairSearch(options, random_seed, state).Run(num_threads, report);
 }
 
 void RegisterInitialPair(const InitialPair& pair, MapperState* state) {

@@ -38,8 +38,9 @@ struct InitialPairReport {
 // The first pair, in COLMAP's order (known focal length first, then the number of matches), whose
 // geometry is good enough. What was tried before is not tried again. Of rigs with more than one
 // sensor of known poses pairs of one frame come first: they have the scale.
-std::optional<InitialPair> FindInitialPair(const InitialPairOptions& options, int num_threads,
-                                           MapperState* state, InitialPairReport* report);
+std::optional<InitialPair> FindInitialPair(const InitialPairOptions& options, int random_seed,
+                                           int num_threads, MapperState* state,
+                                           InitialPairReport* report);
 
 // Gives both images (the frame, or two frames) their poses, the first one's at the origin.
 void RegisterInitialPair(const InitialPair& pair, MapperState* state);

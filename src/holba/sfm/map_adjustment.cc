@@ -23,20 +23,6 @@
 namespace holba {
 namespace {
 
-BundleConfig ConfigOf(MapperStructure structure) {
-  switch (structure) {
-    case MapperStructure::kNone:
-      return BundleConfig::kPoint;
-    case MapperStructure::kLines:
-      return BundleConfig::kPointLine;
-    case MapperStructure::kGroups:
-      return BundleConfig::kGroups;
-    case MapperStructure::kHolistic:
-      break;
-  }
-  return BundleConfig::kHolistic;
-}
-
 // Rounds of adjusting all before the next image.
 constexpr int kRoundsInBetween = 2;
 // Fewer do not measure a scale.
@@ -191,13 +177,11 @@ LocalSummary MapAdjuster::Adjust(const BundleOptions& bundle, const SolverOption
 }
 
 void MapAdjuster::AdjustAround(const std::vector<image_t>& image_ids) {
-  std::vector<image_t> bundle_images;
   for (int round = 0; round < options_.local.max_refinements; ++round) {
     const Timer timer;
     const BundleOptions bundle = Bundle();
-    bundle_images = ImagesAround(image_ids);
     BundleSelection selection =
-        BundleSelection::Around(state_.model(), bundle, bundle_images, AroundOptions());
+        BundleSelection::Around(state_.model(), bundle, ImagesAround(image_ids), AroundOptions());
     HoldExisting(&selection, bundle);
     FreeIntrinsicsOf(&selection, bundle);
     selection.HoldUncertainIntrinsics(state_.model(), bundle);
@@ -254,7 +238,7 @@ size_t MapAdjuster::UpdateLines(const std::vector<image_t>& image_ids,
   report_.num_lines_merged += changes.merged;
   report_.num_lines_filtered += num_filtered;
   if (options_.structure >= MapperStructure::kGroups)
-    ExtendGroups(options_.structure_options, {}, line_ids, &state_);
+    LabelNewLines(options_.structure_options, line_ids, &state_);
   return 2 * changes.created + changes.continued + changes.merged + num_filtered;
 }
 
@@ -290,7 +274,7 @@ void MapAdjuster::MeasureNoise() {
     }
   }
   if (distances_px.size() < kMinDistances) return;
-  const double line_sigma = Median(std::move(distances_px)) / 0.6745;
+  const double line_sigma = kSigmaPerMedian * Median(std::move(distances_px));
   line_loss_scale_px_ = std::clamp(2.0 * line_sigma, 0.1, options_.filter.max_error_px);
 }
 
@@ -310,9 +294,8 @@ std::vector<image_t> MapAdjuster::AdjustAll(bool is_last) {
   };
   complete_and_merge();
   report_.num_retriangulated += Retriangulate(options_.triangulation, &state_).Observations();
-  const int max_refinements = is_last
-                                  ? options_.global.max_refinements
-                                  : std::min(kRoundsInBetween, options_.global.max_refinements);
+  const int max_refinements = is_last ? options_.global.max_refinements
+                                      : std::min(kRoundsInBetween, options_.global.max_refinements);
   for (int round = 0; round < max_refinements; ++round) {
     MeasureNoise();
     AdjustOnce();

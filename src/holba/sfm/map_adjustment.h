@@ -41,8 +41,8 @@ class MapAdjuster {
   // The images with those that see most of the same points at sufficient angles, what they see, and
   // held what else sees that. Intrinsics move where all images of the camera are among them.
   void AdjustAround(const std::vector<image_t>& image_ids);
-  // Everything. Returns images that lost their pose. `is_last`: until hardly an observation changes;
-  // else a few rounds, for the next image changes more.
+  // Everything. Returns images that lost their pose. `is_last`: until hardly an observation
+  // changes; else a few rounds, for the next image changes more.
   std::vector<image_t> AdjustAll(bool is_last);
   // Once, of all, without what follows: after the first pair.
   void AdjustOnce();

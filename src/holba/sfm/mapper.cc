@@ -49,7 +49,8 @@ class Mapper {
       }
       state_.tried_initial_pairs.clear();
       state_.num_initial_trials.clear();
-      while (const auto pair = FindInitialPair(initial, num_threads_, &state_, pairs)) {
+      while (const auto pair =
+                 FindInitialPair(initial, options_.random_seed, num_threads_, &state_, pairs)) {
         if (!BeginFrom(*pair)) {
           ++pairs->dropped["too few points after the adjustment"];
           continue;
@@ -73,7 +74,7 @@ class Mapper {
   // `on_whole`: called before another image is looked for, where the whole model was adjusted since
   // the last call.
   void Grow(const std::function<void()>& on_whole) {
-    while (!observer_.ShouldStop() && !state_.model().images.empty()) {
+    while (!observer_.ShouldStop() && !state_.model().images.empty() && !Overlaps()) {
       if (is_whole_) OnWhole(on_whole);
       const std::optional<image_t> image_id = RegisterNext();
       if (!image_id) {
@@ -117,6 +118,15 @@ class Mapper {
   }
 
  private:
+  // Whether a further model has come into one that is there: more images of it show nothing new.
+  bool Overlaps() const {
+    if (state_.images_of_earlier_models.empty()) return false;
+    const auto num_shared = std::count_if(
+        state_.model().images.begin(), state_.model().images.end(),
+        [&](const auto& image) { return state_.images_of_earlier_models.contains(image.first); });
+    return num_shared >= std::max(options_.max_model_overlap, 1);
+  }
+
   void OnWhole(const std::function<void()>& on_whole) {
     is_whole_ = false;
     state_.RenewIndices();

@@ -3,6 +3,20 @@
 
 namespace holba {
 
+BundleConfig ConfigOf(MapperStructure structure) {
+  switch (structure) {
+    case MapperStructure::kNone:
+      return BundleConfig::kPoint;
+    case MapperStructure::kLines:
+      return BundleConfig::kPointLine;
+    case MapperStructure::kGroups:
+      return BundleConfig::kGroups;
+    case MapperStructure::kHolistic:
+      break;
+  }
+  return BundleConfig::kHolistic;
+}
+
 void MapperOptions::Describe(OptionTable* table) const {
   table->Section("Mapper");
   table
@@ -27,7 +41,8 @@ void MapperOptions::Describe(OptionTable* table) const {
                "Images that a model has at least; the first one may have fewer.");
   table->Field("fix_existing_frames", &fix_existing_frames,
                "Whether the poses of --input_path stay as they are.");
-  table->Field("random_seed", &random_seed, AtLeast(0), "Seed of all samples.");
+  table->Field("random_seed", &random_seed, AtLeast(0),
+               "Seed of the samples of first pairs and registrations.");
 
   table->Field("init_image_id1", &initial.image_id1, AtLeast(-1),
                "First image of the model; -1: chosen.");

@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "holba/base/options.h"
+#include "holba/bundle/bundle_options.h"
 #include "holba/estimation/pose/absolute_pose.h"
 #include "holba/scene/types.h"
 #include "holba/sfm/structure.h"
@@ -16,6 +17,8 @@ namespace holba {
 // What of structure takes part in mapping: the paper's rows "Point baseline", "Point-Line SfM",
 // and "Holistic SfM" without and with the wireframe.
 enum class MapperStructure { kNone, kLines, kGroups, kHolistic };
+// The same of an adjustment.
+BundleConfig ConfigOf(MapperStructure structure);
 
 struct InitialPairOptions {
   int image_id1 = -1, image_id2 = -1;  // -1: chosen
@@ -35,8 +38,8 @@ struct NextImageOptions {
 
 struct RegistrationOptions {
   AbsolutePoseOptions pose;
-  bool structure_less =
-      true;  // whether poses from two-view geometries are tried where points are missing
+  // Whether poses from two-view geometries are tried where points are missing.
+  bool structure_less = true;
 };
 
 struct TriangulationOptions {

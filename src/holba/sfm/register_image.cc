@@ -10,10 +10,10 @@
 
 #include "holba/estimation/pose/absolute_pose.h"
 #include "holba/estimation/two_view/relative_pose.h"
-#include "holba/estimation/two_view/two_view_estimation.h"
 #include "holba/estimation/two_view/two_view_refinement.h"
 #include "holba/geometry/angle.h"
 #include "holba/group/known_types.h"
+#include "holba/sfm/calibrated_pair.h"
 #include "holba/sfm/filter_model.h"
 
 namespace holba {
@@ -101,7 +101,6 @@ struct RelativeView {
   MatchedRays rays;                   // neighbour first
   Eigen::Quaterniond rotation;        // of the image
   Eigen::Vector3d centre, direction;  // the image's centre is on this ray from the neighbour's
-  size_t num_inliers;
 };
 
 class StructureLess {
@@ -149,13 +148,16 @@ class StructureLess {
   }
 
  private:
+  // All pairs of them are tried.
   static constexpr size_t kMaxNeighbours = 8;
+  // Rays that meet at less place the image by several times their own error of a degree or so.
   static constexpr double kMinMeetingAngleDeg = 2.0;
 
   void FindNeighbours() {
+    const auto min_matches = static_cast<size_t>(options_.min_num_matches);
     std::vector<MatchedImage> matched;
     for (const MatchedImage& other : state_.graph().MatchedImages(image_id_)) {
-      if (model_.images.contains(other.image_id) && other.num_matches >= kMinMatches)
+      if (model_.images.contains(other.image_id) && other.num_matches >= min_matches)
         matched.push_back(other);
     }
     std::stable_sort(matched.begin(), matched.end(),
@@ -166,27 +168,14 @@ class StructureLess {
     for (const MatchedImage& other : matched) {
       const Image& neighbour = model_.images.at(other.image_id);
       const Camera& of_neighbour = model_.cameras.at(neighbour.camera_id);
-      Keypoints keypoints1, keypoints2;
-      PointMatches pairs;
       std::vector<Eigen::Vector2d> pixels1, pixels2;
-      const auto add = [](const Eigen::Vector2d& xy, Keypoints* keypoints) {
-        keypoints->data.push_back(static_cast<float>(xy.x()));
-        keypoints->data.push_back(static_cast<float>(xy.y()));
-      };
       for (const auto& [idx1, idx2] : state_.graph().MatchesBetween(other.image_id, image_id_)) {
         pixels1.push_back(neighbour.points2D[idx1].xy);
         pixels2.push_back(image.points2D[idx2].xy);
-        pairs.push_back(
-            {static_cast<point2D_t>(pairs.size()), static_cast<point2D_t>(pairs.size())});
-        add(pixels1.back(), &keypoints1);
-        add(pixels2.back(), &keypoints2);
       }
-      TwoViewOptions two_view;
-      two_view.min_E_F_inlier_ratio = 0.0;
-      two_view.detect_watermark = false;
-      const TwoViewResult result = EstimateTwoView(two_view, {&of_neighbour, true, &keypoints1},
-                                                   {&camera, true, &keypoints2}, pairs, false,
-                                                   (uint64_t{other.image_id} << 32) + image_id_);
+      const TwoViewResult result = EstimateCalibratedPair(
+          {.max_error_px = options_.initial.max_error_px, .random_seed = options_.random_seed},
+          state_, other.image_id, image_id_);
       if (!result.geometry.cam2_from_cam1 ||
           !(result.geometry.cam2_from_cam1->translation.norm() > 0.0))
         continue;
@@ -195,8 +184,7 @@ class StructureLess {
       neighbours_.push_back({other.image_id, MatchedRays(of_neighbour, pixels1, camera, pixels2),
                              relative.rotation.normalized() * of_other,
                              neighbour.cam_from_world.OriginInA(),
-                             of_other.conjugate() * relative.OriginInA().normalized(),
-                             result.geometry.inlier_matches.size()});
+                             of_other.conjugate() * relative.OriginInA().normalized()});
     }
   }
 
@@ -235,8 +223,6 @@ class StructureLess {
     return inliers;
   }
 
-  static constexpr size_t kMinMatches = 15;  // COLMAP's for a pair
-
   const MapperOptions& options_;
   const image_t image_id_;
   MapperState& state_;
@@ -257,11 +243,10 @@ RegistrationReport RegisterImage(const MapperOptions& options, image_t image_id,
   // Other images of the camera have told its intrinsics.
   const bool is_first = state->NumRegistered(camera_id) == 0;
   AbsolutePoseOptions pose_options = options.registration.pose;
-  const bool may_refine = is_first;
   pose_options.abs_pose_refine_focal_length =
-      pose_options.abs_pose_refine_focal_length && may_refine && options.global.refine_focal_length;
+      pose_options.abs_pose_refine_focal_length && is_first && options.global.refine_focal_length;
   pose_options.abs_pose_refine_extra_params =
-      pose_options.abs_pose_refine_extra_params && may_refine && options.global.refine_extra_params;
+      pose_options.abs_pose_refine_extra_params && is_first && options.global.refine_extra_params;
   const bool focal_is_known =
       !is_first || state->IsFocalLengthKnown(camera_id) || !options.global.refine_focal_length;
   const auto pose =

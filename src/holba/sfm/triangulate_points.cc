@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "holba/bundle/reprojection.h"
 #include "holba/estimation/points/point_triangulation.h"
 #include "holba/geometry/angle.h"
 
@@ -68,7 +69,7 @@ class Triangulator {
     const Image* image = model_.images.Find(observation.image_id);
     return image != nullptr ? image->points2D[observation.point2D_idx].point3D_id : kNoId;
   }
-  const Eigen::Vector2d& PixelOf(const PointObservation& observation) const {
+  const Eigen::Vector2d& SeenAt(const PointObservation& observation) const {
     return model_.images.at(observation.image_id).points2D[observation.point2D_idx].xy;
   }
 
@@ -76,7 +77,7 @@ class Triangulator {
   std::optional<double> CosAngle(const PointObservation& observation, const Eigen::Vector3d& X) {
     const IdealView& view = views_.Of(observation.image_id);
     if (!(view.Depth(X) > 0.0)) return std::nullopt;
-    const auto ideal = view.ToIdeal(PixelOf(observation));
+    const auto ideal = view.ToIdeal(SeenAt(observation));
     if (!ideal) return std::nullopt;
     return view.Ray(*ideal).dot((X - view.centre()).normalized());
   }
@@ -85,12 +86,9 @@ class Triangulator {
   std::optional<double> SquaredErrorPx(const PointObservation& observation,
                                        const Eigen::Vector3d& X) const {
     const Image& image = model_.images.at(observation.image_id);
-    const Camera& camera = model_.cameras.at(image.camera_id);
-    const Eigen::Vector3d in_cam = image.cam_from_world * X;
-    Eigen::Vector2d pixel;
-    if (!(in_cam.z() > 0.0) || !camera.model->project(camera.params.data(), in_cam, &pixel))
-      return std::nullopt;
-    return (pixel - image.points2D[observation.point2D_idx].xy).squaredNorm();
+    const auto pixel = PixelOf(model_, image, X);
+    if (!pixel) return std::nullopt;
+    return (*pixel - image.points2D[observation.point2D_idx].xy).squaredNorm();
   }
 
   void OfKeypoint(const PointObservation& self) {
@@ -130,7 +128,7 @@ class Triangulator {
       double max_error_px = 0.0;
       for (const PointObservation& observation : open) {
         const IdealView& view = views_.Of(observation.image_id);
-        const auto ideal = view.ToIdeal(PixelOf(observation));
+        const auto ideal = view.ToIdeal(SeenAt(observation));
         if (!ideal) continue;
         views.push_back({&view, *ideal});
         seen.push_back(observation);
