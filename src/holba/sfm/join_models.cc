@@ -67,9 +67,9 @@ std::optional<ModelAlignment> AlignModels(const Reconstruction& a, const Reconst
   return best;
 }
 
-size_t JoinModel(const Reconstruction& other, MapperState* state) {
+std::optional<size_t> JoinModel(const Reconstruction& other, MapperState* state) {
   const auto alignment = AlignModels(state->model(), other);
-  if (!alignment) return 0;
+  if (!alignment) return std::nullopt;
   std::vector<frame_t> frames;
   for (const auto& [id, frame] : other.frames) {
     if (state->model().unregistered_frames.contains(id)) frames.push_back(id);

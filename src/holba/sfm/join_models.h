@@ -22,7 +22,8 @@ struct ModelAlignment {
 std::optional<ModelAlignment> AlignModels(const Reconstruction& a, const Reconstruction& b);
 
 // Registers the images of `other` that the state's model lacks, where AlignModels puts them;
-// nothing of them is triangulated yet. Returns how many; 0: the models do not go together.
-size_t JoinModel(const Reconstruction& other, MapperState* state);
+// nothing of them is triangulated yet. Returns how many: none where the model has them all. Empty:
+// the models do not go together.
+std::optional<size_t> JoinModel(const Reconstruction& other, MapperState* state);
 
 }  // namespace holba

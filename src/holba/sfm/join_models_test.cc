@@ -64,7 +64,9 @@ TEST(JoinModel, PutsMissingImagesWhereTheyBelong) {
   }
   Reconstruction other = Without(truth, {1, 2});
   other.Transform(SomeSimilarity());
-  EXPECT_EQ(JoinModel(other, &state), 3u);
+  EXPECT_EQ(JoinModel(other, &state), std::optional<size_t>(3));
+  EXPECT_EQ(JoinModel(other, &state), std::optional<size_t>(0));
+  EXPECT_EQ(JoinModel(Without(truth, {1, 2, 3, 4, 5, 6}), &state), std::nullopt);
   ASSERT_EQ(state.model().images.size(), 8u);
   for (const image_t id : {6, 7, 8}) {
     const Rigid3d &ours = state.model().images.at(id).cam_from_world,

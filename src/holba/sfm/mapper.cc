@@ -339,14 +339,17 @@ void JoinModels(const MapperOptions& options, const SolverOptions& solver,
     for (const auto& [id, image] : (*models)[i].model.images) {
       if (!greatest.model.images.contains(id)) added.push_back(id);
     }
-    if (JoinModel((*models)[i].model, &state) == 0) {
+    const auto num_joined = JoinModel((*models)[i].model, &state);
+    if (!num_joined) {
       ++i;
       continue;
     }
-    Mapper mapper(options, solver, &state, observer);
-    mapper.TakeIn(added);
-    greatest.model = state.model();
-    greatest.report.num_joined += added.size();
+    if (*num_joined > 0) {
+      Mapper mapper(options, solver, &state, observer);
+      mapper.TakeIn(added);
+      greatest.model = state.model();
+      greatest.report.num_joined += *num_joined;
+    }
     models->erase(models->begin() + static_cast<std::ptrdiff_t>(i));
   }
 }

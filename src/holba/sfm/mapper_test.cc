@@ -20,6 +20,7 @@
 namespace holba {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
@@ -181,6 +182,30 @@ TEST(Mapper, ImagesThatShareNothingAreTwoModels) {
     EXPECT_NE(mapped.model.images.contains(1), mapped.model.images.contains(5));
   }
   EXPECT_THAT(result.left_out, IsEmpty());
+}
+
+TEST(Mapper, AFurtherModelEndsWhereItHasComeIntoAnEarlierOne) {
+  // Images 6 to 8 see too little of the model of 1 to 5; 4 and 5 see enough of theirs, and bring
+  // the others with them: then the first model is a part of the second.
+  const Reconstruction truth = Truth(0.1);
+  MappingProblemOptions options;
+  for (image_t b = 6; b <= 8; ++b) {
+    for (image_t a = 1; a <= 3; ++a) options.unmatched.insert({a, b});
+    for (image_t a = 4; a <= 5; ++a) options.max_num_matches[{a, b}] = 14;
+  }
+  const MappingProblem problem = MakeMappingProblem(truth, options);
+  MapperOptions mapper = WithIntrinsicsHeld();
+  mapper.min_model_size = 3;
+  mapper.registration.structure_less = false;
+  const auto sizes = [&](int max_model_overlap) {
+    mapper.max_model_overlap = max_model_overlap;
+    const MapResult result = MapImages(mapper, Threads(2), problem.input, problem.scene, nullptr);
+    std::vector<size_t> images;
+    for (const MappedModel& mapped : result.models) images.push_back(mapped.model.images.size());
+    return images;
+  };
+  EXPECT_THAT(sizes(20), ElementsAre(8));
+  EXPECT_THAT(sizes(1), ElementsAre(5, 4));
 }
 
 TEST(Mapper, AnImageWithoutMatchesIsLeftOutAndSaid) {

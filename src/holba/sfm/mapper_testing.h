@@ -3,6 +3,8 @@
 // tracks.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <map>
 #include <set>
 #include <utility>
@@ -25,6 +27,8 @@ struct MappingProblemOptions {
   bool focal_length_is_known = true;
   // Pairs that have no matches.
   std::set<std::pair<image_t, image_t>> unmatched;
+  // Pairs that have so many matches at most.
+  std::map<std::pair<image_t, image_t>, size_t> max_num_matches;
   // Images of few matches of points with each other image.
   std::set<image_t> poor;
   size_t num_matches_of_poor = 0;
@@ -74,6 +78,14 @@ inline MappingProblem MakeMappingProblem(const Reconstruction& truth,
     if ((options.poor.contains(pair.first) || options.poor.contains(pair.second)) &&
         of_pair.size() > options.num_matches_of_poor)
       of_pair.resize(options.num_matches_of_poor);
+    const auto most = options.max_num_matches.find(pair);
+    if (most != options.max_num_matches.end() && of_pair.size() > most->second) {
+      // Each pair of others.
+      const size_t shift = pair.second * most->second % of_pair.size();
+      std::rotate(of_pair.begin(), of_pair.begin() + static_cast<std::ptrdiff_t>(shift),
+                  of_pair.end());
+      of_pair.resize(most->second);
+    }
     if (of_pair.empty()) continue;
     const size_t num1 = truth.images.at(pair.first).points2D.size(),
                  num2 = truth.images.at(pair.second).points2D.size();
