@@ -11,12 +11,11 @@ share their weight with no option, are not made at all.
 Example: benchmark/ablation_sets.py --data DATA --sets entry_p10,fountain_p11 --output RUNS
 """
 
-import argparse
 import pathlib
 import sys
 import tempfile
 
-from real_sets import KNOWN_INTRINSICS, THRESHOLDS_DEG, auc_cells, markdown, run
+from real_sets import KNOWN_INTRINSICS, THRESHOLDS_DEG, auc_cells, markdown, parser_of_sets, run
 
 # Truth is surveyed (buildings) or exact (renderings): models of other programs are no judge of fractions of a degree.
 SETS = ["entry_p10", "fountain_p11", "herzjesu_p8", "herzjesu_p25", "greyroom_pinhole", "greyroom_plain",
@@ -50,14 +49,7 @@ def configurations() -> list[tuple[str, str, list[str]]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=pathlib.Path, required=True, help="folder of the image sets")
-    parser.add_argument("--sets", default=",".join(SETS), help="names, separated by commas (default: %(default)s)")
-    parser.add_argument("--holba", default=str(pathlib.Path(__file__).parent.parent / "build" / "bin" / "holba"),
-                        help="the program (default: build/bin/holba)")
-    parser.add_argument("--output", type=pathlib.Path, help="keep models and databases here")
-    parser.add_argument("options", nargs="*", help="further options of `holba refine`, after --")
-    arguments = parser.parse_args()
+    arguments = parser_of_sets(__doc__, SETS).parse_args()
 
     names = arguments.sets.split(",")
     rows = configurations()

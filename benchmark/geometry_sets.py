@@ -14,7 +14,6 @@ precision).
 Example: benchmark/geometry_sets.py --data DATA --sets greyroom_pinhole --output RUNS
 """
 
-import argparse
 import pathlib
 import subprocess
 import sys
@@ -23,7 +22,7 @@ import tempfile
 import numpy as np
 
 from mesh_distance import MeshDistance, read_mesh
-from real_sets import KNOWN_INTRINSICS, markdown, run
+from real_sets import KNOWN_INTRINSICS, markdown, parser_of_sets, run
 from refine_sets import read_records
 
 SETS = ["greyroom_pinhole", "greyroom_plain"]
@@ -154,14 +153,7 @@ def line_cells(model: pathlib.Path, mesh: MeshDistance) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=pathlib.Path, required=True, help="folder of the image sets")
-    parser.add_argument("--sets", default=",".join(SETS), help="names, separated by commas (default: %(default)s)")
-    parser.add_argument("--holba", default=str(pathlib.Path(__file__).parent.parent / "build" / "bin" / "holba"),
-                        help="the program (default: build/bin/holba)")
-    parser.add_argument("--output", type=pathlib.Path, help="keep models and databases here")
-    parser.add_argument("options", nargs="*", help="further options of `holba refine`, after --")
-    arguments = parser.parse_args()
+    arguments = parser_of_sets(__doc__, SETS).parse_args()
 
     rows, origin_rows = [], []
     with tempfile.TemporaryDirectory() as temporary:

@@ -51,6 +51,18 @@ def auc_cells(program: str, model: pathlib.Path, truth: pathlib.Path) -> list[st
     return [f"{auc[threshold]:.1f}" for threshold in THRESHOLDS_DEG]
 
 
+def parser_of_sets(description: str, sets: list[str] | tuple[str, ...]) -> argparse.ArgumentParser:
+    """Of scripts that refine models of sets."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=pathlib.Path, required=True, help="folder of the image sets")
+    parser.add_argument("--sets", default=",".join(sets), help="names, separated by commas (default: %(default)s)")
+    parser.add_argument("--holba", default=str(pathlib.Path(__file__).parent.parent / "build" / "bin" / "holba"),
+                        help="the program (default: build/bin/holba)")
+    parser.add_argument("--output", type=pathlib.Path, help="keep models and databases here")
+    parser.add_argument("options", nargs="*", help="further options of `holba refine`, after --")
+    return parser
+
+
 def term_rows(name: str, summary: dict) -> list[list[str]]:
     rows = []
     for term, costs in summary["terms"].items():

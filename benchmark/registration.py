@@ -11,13 +11,11 @@ the pose at the end. Example: benchmark/registration.py --holba build/bin/holba 
 """
 
 import argparse
-import json
-import pathlib
-import subprocess
-import tempfile
 import time
 
 import numpy as np
+
+from bench_poses import bench_poses
 
 try:
     import poselib
@@ -53,28 +51,11 @@ def make_view(rng, num_points, noise_px, wrong):
     return X[order], pixels[order], R, t
 
 
-def matrix_of(q):
-    w, x, y, z = q
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])
-
-
 def run_holba(args, views):
-    with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder) / "views.txt"
-        with open(path, "w") as file:
-            for X, x, _, _ in views:
-                file.write(f"view {WIDTH} {HEIGHT} {FOCAL} {FOCAL} {PARAMS[2]} {PARAMS[3]} {len(x)}\n")
-                np.savetxt(file, np.hstack([X, x]), fmt="%.12g")
-        command = [args.holba, "bench", "--benchmark", "registration", "--input_path", str(path), "--json",
-                   "--Mapper.abs_pose_max_error", str(args.max_error), "--Mapper.abs_pose_min_inlier_ratio", "0.1",
-                   "--Mapper.abs_pose_max_num_trials", str(args.max_samples)]
-        results = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)["results"]
-    poses = [(matrix_of(r["qvec"]), np.array(r["tvec"])) if "qvec" in r else None for r in results]
-    return poses, [r["cpu_us"] for r in results]
+    return bench_poses(args.holba, "registration", "view", [WIDTH, HEIGHT, FOCAL, FOCAL, PARAMS[2], PARAMS[3]],
+                       [np.hstack([X, x]) for X, x, _, _ in views], "%.12g",
+                       ["--Mapper.abs_pose_max_error", str(args.max_error), "--Mapper.abs_pose_min_inlier_ratio", "0.1",
+                        "--Mapper.abs_pose_max_num_trials", str(args.max_samples)])
 
 
 def run_poselib(args, views):

@@ -12,13 +12,11 @@ Example: benchmark/two_view.py --holba build/bin/holba --pairs 100
 """
 
 import argparse
-import json
-import pathlib
-import subprocess
-import tempfile
 import time
 
 import numpy as np
+
+from bench_poses import bench_poses
 
 try:
     import poselib
@@ -85,29 +83,11 @@ def make_pair(rng, noise_px, wrong, planar=False, forward=False, baseline=1.0):
     return np.array(x1)[order], np.array(x2)[order], R, t
 
 
-def matrix_of(q):
-    w, x, y, z = q
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])
-
-
 def run_holba(args, pairs):
-    with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder) / "pairs.txt"
-        with open(path, "w") as file:
-            for x1, x2, _, _ in pairs:
-                file.write(f"pair {WIDTH} {HEIGHT} {FOCAL} {FOCAL} {K[0, 2]} {K[1, 2]} {len(x1)}\n")
-                np.savetxt(file, np.hstack([x1, x2]), fmt="%.9f")
-        command = [args.holba, "bench", "--benchmark", "two_view", "--input_path", str(path), "--json",
-                   "--TwoViewGeometry.max_error", str(args.max_error),
-                   "--TwoViewGeometry.min_inlier_ratio", "0.05",
-                   "--TwoViewGeometry.max_num_trials", str(args.max_samples)]
-        results = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)["results"]
-    poses = [(matrix_of(r["qvec"]), np.array(r["tvec"])) if "qvec" in r else None for r in results]
-    return poses, [r["cpu_us"] for r in results]
+    return bench_poses(args.holba, "two_view", "pair", [WIDTH, HEIGHT, FOCAL, FOCAL, K[0, 2], K[1, 2]],
+                       [np.hstack([x1, x2]) for x1, x2, _, _ in pairs], "%.9f",
+                       ["--TwoViewGeometry.max_error", str(args.max_error), "--TwoViewGeometry.min_inlier_ratio", "0.05",
+                        "--TwoViewGeometry.max_num_trials", str(args.max_samples)])
 
 
 def run_poselib(args, pairs):

@@ -6,13 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <ctime>
-#include <sstream>
 #include <string>
+#include <utility>
 
-#include "holba/base/error.h"
-#include "holba/base/file_faults.h"
+#include "apps/bench/view_blocks.h"
 #include "holba/base/random.h"
-#include "holba/base/words.h"
 #include "holba/geometry/angle.h"
 #include "holba/robust/median.h"
 
@@ -64,39 +62,14 @@ struct Score {
 }  // namespace
 
 std::vector<RegistrationView> ReadRegistrationViews(const std::filesystem::path& path) {
-  std::istringstream file(ReadFileBytes(path));
   std::vector<RegistrationView> views;
-  size_t num_open = 0;
-  std::string text;
-  uint64_t line = 1;
-  for (; std::getline(file, text); ++line) {
-    std::istringstream words(text);
-    if (num_open > 0) {
-      PointSighting point;
-      if (!(words >> point.X.x() >> point.X.y() >> point.X.z() >> point.pixel.x() >>
-            point.pixel.y()))
-        throw InputError::AtLine(path, line, "expected X Y Z PIXEL_X PIXEL_Y");
-      views.back().matches.points.push_back(point);
-      --num_open;
-      continue;
-    }
-    std::string kind;
-    if (!(words >> kind)) continue;
-    RegistrationView view;
-    view.camera.model = FindCameraModel("PINHOLE");
-    view.camera.params.resize(4);
-    double* p = view.camera.params.data();
-    if (kind != "view" || !(words >> view.camera.width >> view.camera.height >> p[0] >> p[1] >>
-                            p[2] >> p[3] >> num_open)) {
-      throw InputError::AtLine(path, line, "expected view WIDTH HEIGHT FX FY CX CY NUM_POINTS");
-    }
-    views.push_back(std::move(view));
+  for (ViewBlock& block :
+       ReadViewBlocks(path, "view", "X Y Z PIXEL_X PIXEL_Y", "benchmark/registration.py")) {
+    RegistrationView& view = views.emplace_back();
+    view.camera = std::move(block.camera);
+    for (const std::vector<double>& row : block.rows)
+      view.matches.points.push_back({.pixel = {row[3], row[4]}, .X = {row[0], row[1], row[2]}});
   }
-  if (num_open > 0)
-    throw InputError::AtLine(
-        path, line,
-        fmt::format("the last view lacks {}; make the file anew with benchmark/registration.py",
-                    Counted(num_open, "point")));
   return views;
 }
 

@@ -5,12 +5,10 @@
 
 #include <algorithm>
 #include <ctime>
-#include <sstream>
 #include <string>
+#include <utility>
 
-#include "holba/base/error.h"
-#include "holba/base/file_faults.h"
-#include "holba/base/words.h"
+#include "apps/bench/view_blocks.h"
 #include "holba/estimation/two_view/relative_pose.h"
 
 namespace holba {
@@ -39,38 +37,15 @@ RelativePoseResult Estimate(const TwoViewOptions& options, const MatchedPair& pa
 }  // namespace
 
 std::vector<MatchedPair> ReadMatchedPairs(const std::filesystem::path& path) {
-  std::istringstream file(ReadFileBytes(path));
   std::vector<MatchedPair> pairs;
-  size_t num_open = 0;
-  std::string text;
-  uint64_t line = 1;
-  for (; std::getline(file, text); ++line) {
-    std::istringstream words(text);
-    if (num_open > 0) {
-      Eigen::Vector2d x1, x2;
-      if (!(words >> x1.x() >> x1.y() >> x2.x() >> x2.y()))
-        throw InputError::AtLine(path, line, "expected X1 Y1 X2 Y2");
-      pairs.back().pixels1.push_back(x1);
-      pairs.back().pixels2.push_back(x2);
-      --num_open;
-      continue;
+  for (ViewBlock& block : ReadViewBlocks(path, "pair", "X1 Y1 X2 Y2", "benchmark/two_view.py")) {
+    MatchedPair& pair = pairs.emplace_back();
+    pair.camera = std::move(block.camera);
+    for (const std::vector<double>& row : block.rows) {
+      pair.pixels1.emplace_back(row[0], row[1]);
+      pair.pixels2.emplace_back(row[2], row[3]);
     }
-    std::string kind;
-    if (!(words >> kind)) continue;
-    MatchedPair pair;
-    pair.camera.model = FindCameraModel("PINHOLE");
-    pair.camera.params.resize(4);
-    double* p = pair.camera.params.data();
-    if (kind != "pair" || !(words >> pair.camera.width >> pair.camera.height >> p[0] >> p[1] >>
-                            p[2] >> p[3] >> num_open)) {
-      throw InputError::AtLine(path, line, "expected pair WIDTH HEIGHT FX FY CX CY NUM_MATCHES");
-    }
-    pairs.push_back(std::move(pair));
   }
-  if (num_open > 0)
-    throw InputError::AtLine(
-        path, line,
-        fmt::format("expected {} more, found the end of the file", Counted(num_open, "match")));
   return pairs;
 }
 

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "apps/command.h"
+#include "apps/refine/refine_stage.h"
 #include "apps/refine/report.h"
 #include "apps/report.h"
 #include "holba/base/error.h"
@@ -129,29 +130,12 @@ class RefineJob : public Job {
 
     const std::filesystem::path database_path = DatabasePath();
     Database database(database_path);
-    const std::map<image_t, image_t> database_id =
-        database.MatchImages(*model, CheckDatabase(database, photographs_, *model));
-    std::map<image_t, ImportedSegments> imported;
-    const ImageFeatureMap features = DetectFeatures(detection_, photographs_, *model, database_id,
-                                                    &database, &imported, &output->detection);
+    FoundInImages found;
+    found.database_id = database.MatchImages(*model, CheckDatabase(database, photographs_, *model));
+    found.features = DetectFeatures(detection_, photographs_, *model, found.database_id, &database,
+                                    &found.imported, &output->detection);
     LogInfo("{}", DetectionText(output->detection, database_path));
-
-    LineMatchMap matches;
-    const auto match_lines = [&](const Reconstruction& posed) {
-      matches = MatchLines(matching_, detection_.imports.line_matches, posed, features, database_id,
-                           imported, &database, &output->matching);
-      LogInfo("{}", MatchingText(output->matching));
-      return matches;
-    };
-    RegionObserver observe_regions;
-    if (!detection_.imports.labels.empty()) {
-      observe_regions = [&](Reconstruction* with_lines) {
-        return ObserveRegions(regions_, detection_.imports.correspondences, features, matches,
-                              with_lines, &output->regions);
-      };
-    }
-    output->refine = RefineModel(refine_, features, match_lines, observe_regions, model,
-                                 [](const std::string& text) { LogInfo("{}", text); });
+    RunRefine({detection_, matching_, regions_, refine_}, found, &database, model, output);
     if (model->lines3D.empty()) {
       LogWarning(
           "No 3D lines were found that {} or more images see; the report says where they were "

@@ -12,6 +12,7 @@
 #include <string>
 
 #include "apps/command.h"
+#include "apps/temporary_folder_testing.h"
 #include "holba/base/error.h"
 #include "holba/evaluation/pose_auc.h"
 #include "holba/io/database.h"
@@ -59,18 +60,7 @@ std::map<std::string, std::string> Bytes(const fs::path& folder) {
   return bytes;
 }
 
-class SynthesizeCommand : public ::testing::Test {
- protected:
-  void SetUp() override {
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  const fs::path folder_ =
-      fs::path(::testing::TempDir()) /
-      (std::string("holba_") + ::testing::UnitTest::GetInstance()->current_test_info()->name());
-};
+using SynthesizeCommand = TemporaryFolderTest;
 
 TEST_F(SynthesizeCommand, WritesTheProblemOfTheLibraryInBothFormats) {
   const SyntheticProblem problem =

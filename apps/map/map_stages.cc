@@ -13,6 +13,7 @@
 
 #include "apps/command.h"
 #include "apps/map/snapshot.h"
+#include "apps/refine/refine_stage.h"
 #include "holba/base/error.h"
 #include "holba/base/log.h"
 #include "holba/base/printable.h"
@@ -377,41 +378,23 @@ void MapStages::Refine(const MapPaths& paths, const MappingData& data, Database*
   if (!grown.refine_sensor_from_rig) options.bundle.refine_sensor_from_rig = false;
   if (!grown.refine_focal_length && !grown.refine_extra_params && !grown.refine_principal_point)
     options.bundle.refine_principal_point = false;
-  const auto log = [](const std::string& text) { LogInfo("{}", text); };
-  std::map<image_t, image_t> own_ids;
-  for (const auto& [id, image] : model->images) own_ids[id] = id;
-  std::map<image_t, ImportedSegments> imported;
-  ImageFeatureMap features;
+  FoundInImages found;
+  for (const auto& [id, image] : model->images) found.database_id[id] = id;
   const bool has_photographs = !paths.image_path.empty();
   const PhotographFolder photographs =
       has_photographs ? PhotographFolder(paths.image_path, *model) : PhotographFolder("");
   if (mapper_.structure != MapperStructure::kNone) {
     if (has_photographs) {
       // The cameras are better known now, and with them what is straight.
-      features = DetectFeatures(detection_, photographs, *model, own_ids, database, &imported,
-                                &output.detection);
+      found.features = DetectFeatures(detection_, photographs, *model, found.database_id, database,
+                                      &found.imported, &output.detection);
     } else {
       for (const auto& [id, of_image] : data.input.features) {
-        if (model->images.contains(id)) features[id] = of_image;
+        if (model->images.contains(id)) found.features[id] = of_image;
       }
     }
   }
-  LineMatchMap matches;
-  const auto match_lines = [&](const Reconstruction& posed) {
-    if (!features.empty()) {
-      matches = MatchLines(matching_, detection_.imports.line_matches, posed, features, own_ids,
-                           imported, database, &output.matching);
-    }
-    return matches;
-  };
-  RegionObserver observe_regions;
-  if (!detection_.imports.labels.empty()) {
-    observe_regions = [&](Reconstruction* with_lines) {
-      return ObserveRegions(regions_, detection_.imports.correspondences, features, matches,
-                            with_lines, &output.regions);
-    };
-  }
-  output.refine = RefineModel(options, features, match_lines, observe_regions, model, log);
+  RunRefine({detection_, matching_, regions_, options}, found, database, model, &output);
   if (!has_photographs) return;
   std::vector<point3D_t> points;
   for (const auto& [id, point] : model->points3D) points.push_back(id);

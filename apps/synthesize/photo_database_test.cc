@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/temporary_folder_testing.h"
 #include "holba/geometry/angle.h"
 #include "holba/scene/ideal_view.h"
 
@@ -27,18 +28,7 @@ PhotoSetOptions SmallSet(PhotoSceneKind scene) {
   return options;
 }
 
-class PhotoDatabase : public ::testing::Test {
- protected:
-  void SetUp() override {
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  const fs::path folder_ =
-      fs::path(::testing::TempDir()) /
-      (std::string("holba_") + ::testing::UnitTest::GetInstance()->current_test_info()->name());
-};
+using PhotoDatabase = TemporaryFolderTest;
 
 Rigid3d TruthOf(const PhotoSet& set, const PhotoSetPair& pair) {
   return set.truth.images.at(pair.image_id2).cam_from_world *
