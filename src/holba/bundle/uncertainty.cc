@@ -10,28 +10,6 @@
 namespace holba {
 namespace {
 
-// d(plain parameters of the file in the world) / d(tangent of the local parameters in memory), by
-// central differences: files hold smooth functions of what is in memory.
-Eigen::MatrixXd FileParamsByTangent(const GroupType& type, const Sim3d& world_from_local,
-                                    const double* g) {
-  constexpr double kStep = 1e-6;
-  const int tangent = type.manifold->tangent;
-  Eigen::MatrixXd J(type.num_file_params, tangent);
-  for (int c = 0; c < tangent; ++c) {
-    Eigen::VectorXd delta = Eigen::VectorXd::Zero(tangent), plain[2];
-    for (int side = 0; side < 2; ++side) {
-      double moved[kMaxGroupParams], in_world[kMaxGroupParams];
-      delta[c] = side == 0 ? -kStep : kStep;
-      type.manifold->plus(g, delta.data(), moved);
-      type.transform(world_from_local, moved, in_world);
-      plain[side].resize(type.num_file_params);
-      type.to_file(in_world, plain[side].data());
-    }
-    J.col(c) = (plain[1] - plain[0]) / (2.0 * kStep);
-  }
-  return J;
-}
-
 // Tangent of a pose in the world by that of the local pose. With c the local origin in the world
 // and s the local unit, t = s t_local - R c: a rotation R' = exp(w) R moves t, too.
 Matrix6d WorldPoseByLocal(const Sim3d& world_from_local, const Rigid3d& cam_from_local) {
@@ -102,8 +80,9 @@ bool AddCovariances(const Reconstruction& model, const Sim3d& world_from_local,
   for (const auto& [id, block] : bundle.groups) {
     const Eigen::MatrixXd C = variance * covariance->Of(block);
     if (!C.allFinite()) continue;
-    const Eigen::MatrixXd J =
-        FileParamsByTangent(*model.groups3D.at(id).type, world_from_local, problem.values(block));
+    const GroupType& type = *model.groups3D.at(id).type;
+    RowMajor<Eigen::Dynamic, Eigen::Dynamic> J(type.num_file_params, type.manifold->tangent);
+    type.file_jacobian(world_from_local, problem.values(block), J.data());
     result->groups.emplace(id, J * C * J.transpose());
   }
   return true;

@@ -29,7 +29,7 @@ struct Cone {
   static constexpr int kNumFileParams = 7;
   static constexpr int kMinPoints = 6, kMinLines = 0;
   using Manifold = Product<Euclidean<3>, UnitVector3, Euclidean<1>>;
-  using Params = Eigen::Matrix<double, Manifold::kAmbient, 1>;
+  using Params = GroupParams<double, Manifold>;
 
   // A fitted cone with its apex beyond this many root mean square extents is a cylinder to the
   // points.
@@ -49,14 +49,16 @@ struct Cone {
   }
 
   // Past pi/2, where an adjustment may take the half-angle, the same surface opens the other way.
-  static void ToFile(const double* g, double* plain) {
-    const double alpha = std::exp(g[6]);
-    const bool flip = alpha > 0.5 * std::numbers::pi;
+  template <typename T>
+  static void ToFile(const T* g, T* plain) {
+    using std::exp;
+    const T alpha = exp(g[6]);
+    const bool flip = alpha > T(0.5 * std::numbers::pi);
     for (int i = 0; i < 3; ++i) {
       plain[i] = g[i];
-      plain[3 + i] = flip ? -g[3 + i] : g[3 + i];
+      plain[3 + i] = flip ? T(-g[3 + i]) : g[3 + i];
     }
-    plain[6] = flip ? std::numbers::pi - alpha : alpha;
+    plain[6] = flip ? T(std::numbers::pi - alpha) : alpha;
   }
 
   // Nearest point of the cone: along the perpendicular to the generatrix in the half-plane of axis
@@ -156,10 +158,12 @@ struct Cone {
     return Transform(normalized->original_from_normalized, best->data());
   }
 
-  static Params Transform(const Sim3d& new_from_old, const double* g) {
-    Params result;
-    result.head<3>() = new_from_old * Eigen::Vector3d(g[0], g[1], g[2]);
-    result.segment<3>(3) = (new_from_old.rotation * Eigen::Vector3d(g[3], g[4], g[5])).normalized();
+  template <typename T>
+  static GroupParams<T, Manifold> Transform(const Sim3d& new_from_old, const T* g) {
+    GroupParams<T, Manifold> result;
+    result.template head<3>() = Moved(new_from_old, Vector3<T>(g[0], g[1], g[2]));
+    result.template segment<3>(3) =
+        Rotated(new_from_old, Vector3<T>(g[3], g[4], g[5])).normalized();
     result[6] = g[6];
     return result;
   }

@@ -31,7 +31,7 @@ struct Cuboid {
   static constexpr int kNumFileParams = 10;
   static constexpr int kMinPoints = kMinBoxPoints, kMinLines = kMinBoxLines;
   using Manifold = Product<UnitQuaternion, Euclidean<6>>;
-  using Params = Eigen::Matrix<double, Manifold::kAmbient, 1>;
+  using Params = GroupParams<double, Manifold>;
 
   static std::string_view Requirement() {
     return "unit q, w0 + w1 < 0, w2 + w3 < 0, w4 + w5 < 0 (faces not inside out)";
@@ -50,7 +50,8 @@ struct Cuboid {
     return g;
   }
 
-  static void ToFile(const double* g, double* plain) {
+  template <typename T>
+  static void ToFile(const T* g, T* plain) {
     QuaternionToFile(g, plain);
     std::copy(g + 4, g + 10, plain + 4);
   }
@@ -142,13 +143,14 @@ struct Cuboid {
     return g;
   }
 
-  static Params Transform(const Sim3d& new_from_old, const double* g) {
-    Params result;
-    const Eigen::Quaterniond q(g[3], g[0], g[1], g[2]);
-    result.head<4>() = (new_from_old.rotation * q).normalized().coeffs();
+  template <typename T>
+  static GroupParams<T, Manifold> Transform(const Sim3d& new_from_old, const T* g) {
+    GroupParams<T, Manifold> result;
+    const Eigen::Quaternion<T> q(g[3], g[0], g[1], g[2]);
+    result.template head<4>() = (new_from_old.rotation.cast<T>() * q).normalized().coeffs();
     for (int face = 0; face < 6; ++face) {
       result[4 + face] = new_from_old.scale * g[4 + face] -
-                         Normal(result.data(), face).dot(new_from_old.translation);
+                         Normal(result.data(), face).dot(new_from_old.translation.cast<T>());
     }
     return result;
   }

@@ -28,7 +28,7 @@ struct Cylinder {
   static constexpr int kNumFileParams = 7;
   static constexpr int kMinPoints = 5, kMinLines = 0;
   using Manifold = Product<LineManifold, Euclidean<1>>;
-  using Params = Eigen::Matrix<double, Manifold::kAmbient, 1>;
+  using Params = GroupParams<double, Manifold>;
 
   // A fitted radius beyond this many root mean square extents of the points is a plane to them.
   static constexpr double kMaxRelativeRadius = 1e3;
@@ -49,11 +49,13 @@ struct Cylinder {
     return g;
   }
 
-  static void ToFile(const double* g, double* plain) {
-    const Eigen::Vector3d d(g[0], g[1], g[2]), p(g[3], g[4], g[5]);
-    Eigen::Map<Eigen::Vector3d>{plain} = d;
-    Eigen::Map<Eigen::Vector3d>{plain + 3} = p.cross(d);
-    plain[6] = std::exp(g[6]);
+  template <typename T>
+  static void ToFile(const T* g, T* plain) {
+    using std::exp;
+    const Vector3<T> d(g[0], g[1], g[2]), p(g[3], g[4], g[5]);
+    Eigen::Map<Vector3<T>>{plain} = d;
+    Eigen::Map<Vector3<T>>{plain + 3} = p.cross(d);
+    plain[6] = exp(g[6]);
   }
 
   // Nearest point of the cylinder, perpendicular to the axis. Fails on the axis.
@@ -122,10 +124,11 @@ struct Cylinder {
     return Transform(normalized->original_from_normalized, best->data());
   }
 
-  static Params Transform(const Sim3d& new_from_old, const double* g) {
-    Params result;
-    result.head<3>() = (new_from_old.rotation * Eigen::Vector3d(g[0], g[1], g[2])).normalized();
-    result.segment<3>(3) = new_from_old * Eigen::Vector3d(g[3], g[4], g[5]);
+  template <typename T>
+  static GroupParams<T, Manifold> Transform(const Sim3d& new_from_old, const T* g) {
+    GroupParams<T, Manifold> result;
+    result.template head<3>() = Rotated(new_from_old, Vector3<T>(g[0], g[1], g[2])).normalized();
+    result.template segment<3>(3) = Moved(new_from_old, Vector3<T>(g[3], g[4], g[5]));
     result[6] = g[6] + std::log(new_from_old.scale);
     return result;
   }

@@ -28,7 +28,7 @@ struct Ellipsoid {
   static constexpr int kNumFileParams = 10;
   static constexpr int kMinPoints = 9, kMinLines = 0;
   using Manifold = Product<UnitQuaternion, Euclidean<6>>;
-  using Params = Eigen::Matrix<double, Manifold::kAmbient, 1>;
+  using Params = GroupParams<double, Manifold>;
 
   static std::string_view Requirement() { return "unit q, sx > 0, sy > 0, sz > 0"; }
 
@@ -46,11 +46,13 @@ struct Ellipsoid {
     return g;
   }
 
-  static void ToFile(const double* g, double* plain) {
+  template <typename T>
+  static void ToFile(const T* g, T* plain) {
+    using std::exp;
     QuaternionToFile(g, plain);
     for (int i = 0; i < 3; ++i) {
       plain[4 + i] = g[4 + i];
-      plain[7 + i] = std::exp(g[7 + i]);
+      plain[7 + i] = exp(g[7 + i]);
     }
   }
 
@@ -143,11 +145,12 @@ struct Ellipsoid {
     return Transform(normalized->original_from_normalized, best->data());
   }
 
-  static Params Transform(const Sim3d& new_from_old, const double* g) {
-    Params result;
-    const Eigen::Quaterniond q(g[3], g[0], g[1], g[2]);
-    result.head<4>() = (new_from_old.rotation * q).normalized().coeffs();
-    result.segment<3>(4) = new_from_old * Eigen::Vector3d(g[4], g[5], g[6]);
+  template <typename T>
+  static GroupParams<T, Manifold> Transform(const Sim3d& new_from_old, const T* g) {
+    GroupParams<T, Manifold> result;
+    const Eigen::Quaternion<T> q(g[3], g[0], g[1], g[2]);
+    result.template head<4>() = (new_from_old.rotation.cast<T>() * q).normalized().coeffs();
+    result.template segment<3>(4) = Moved(new_from_old, Vector3<T>(g[4], g[5], g[6]));
     for (int i = 7; i < 10; ++i) result[i] = g[i] + std::log(new_from_old.scale);
     return result;
   }

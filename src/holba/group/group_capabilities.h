@@ -12,6 +12,7 @@
 
 #include "holba/geometry/dual.h"
 #include "holba/geometry/line.h"
+#include "holba/geometry/rigid3d.h"
 #include "holba/geometry/types.h"
 
 namespace holba {
@@ -25,7 +26,7 @@ template <typename G>
 concept ProjectsLines = requires(const double* g, const Eigen::Vector3d& v) {
   {
     G::ProjectLine(g, v, v)
-    } -> std::same_as<std::optional<std::pair<Eigen::Vector3d, Eigen::Vector3d>>>;
+  } -> std::same_as<std::optional<std::pair<Eigen::Vector3d, Eigen::Vector3d>>>;
 };
 
 template <typename G>
@@ -105,6 +106,24 @@ Eigen::Vector3d DirectionByDuals(const double* g, double* d_group) {
     Eigen::Map<RowMajor<3, kAmbient>>(d_group).row(i) = direction[i].gradient.transpose();
   }
   return value;
+}
+
+// d(plain parameters of the file of the group moved by new_from_old) / d(tangent of g),
+// kNumFileParams x kTangent, row-major.
+template <typename G>
+void FileJacobianByDuals(const Sim3d& new_from_old, const double* g, double* jacobian) {
+  constexpr int kAmbient = G::Manifold::kAmbient, kTangent = G::Manifold::kTangent;
+  using T = Dual<kAmbient>;
+  std::array<T, kAmbient> params;
+  for (int i = 0; i < kAmbient; ++i) params[i] = T::Variable(g[i], i);
+  const auto moved = G::Transform(new_from_old, params.data());
+  std::array<T, G::kNumFileParams> plain;
+  G::ToFile(moved.data(), plain.data());
+  RowMajor<G::kNumFileParams, kAmbient> by_memory;
+  for (int i = 0; i < G::kNumFileParams; ++i) by_memory.row(i) = plain[i].gradient.transpose();
+  RowMajor<kAmbient, kTangent> plus;
+  G::Manifold::PlusJacobian(g, plus.data());
+  Eigen::Map<RowMajor<G::kNumFileParams, kTangent>>{jacobian} = by_memory * plus;
 }
 
 }  // namespace holba

@@ -162,6 +162,32 @@ TYPED_TEST(GroupContract, TransformingThereAndBackIsTheIdentity) {
   }
 }
 
+TYPED_TEST(GroupContract, FileJacobianAgreesWithCentralDifferences) {
+  using G = TypeParam;
+  constexpr int kTangent = G::Manifold::kTangent;
+  const double step = 1e-6;
+  for (const auto& g : G::Examples()) {
+    const Sim3d sim = RandomSimilarity(&this->random_);
+    RowMajor<G::kNumFileParams, kTangent> exact, numeric;
+    FileJacobianByDuals<G>(sim, g.data(), exact.data());
+    for (int c = 0; c < kTangent; ++c) {
+      std::array<double, G::kNumFileParams> plain[2];
+      for (int side = 0; side < 2; ++side) {
+        std::array<double, kTangent> delta{};
+        delta[c] = side == 0 ? -step : step;
+        typename G::Params moved;
+        G::Manifold::Plus(g.data(), delta.data(), moved.data());
+        G::ToFile(G::Transform(sim, moved.data()).data(), plain[side].data());
+      }
+      for (int r = 0; r < G::kNumFileParams; ++r)
+        numeric(r, c) = (plain[1][r] - plain[0][r]) / (2.0 * step);
+    }
+    const double size = std::max(1.0, exact.cwiseAbs().maxCoeff());
+    const double rounding = 1e-9 * g.cwiseAbs().maxCoeff() * sim.scale;
+    EXPECT_THAT(numeric, EigenNear(exact, 1e-8 * size + rounding));
+  }
+}
+
 // |difference| / max(1, |largest expected|), by tangent directions of the group.
 template <typename G, int Rows>
 void ExpectSameGroupJacobian(const typename G::Params& g,

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "holba/geometry/manifold.h"
+#include "holba/geometry/rigid3d.h"
 #include "holba/geometry/types.h"
 
 namespace holba {
@@ -20,6 +21,20 @@ inline constexpr double kFileUnitTolerance = 1e-6;
 // Nearer to a centre or an axis than this fraction of the radius (of the axial distance, for a
 // cone) a point has no projection: its direction is rounding, and the derivative would exceed 1e9.
 inline constexpr double kMinRadialFraction = 1e-9;
+
+// Parameters in memory of a group on this manifold.
+template <typename T, typename Manifold>
+using GroupParams = Eigen::Matrix<T, Manifold::kAmbient, 1>;
+
+// A direction, and a point, under a similarity, on any scalar.
+template <typename T>
+Vector3<T> Rotated(const Sim3d& new_from_old, const Vector3<T>& v) {
+  return new_from_old.rotation.cast<T>() * v;
+}
+template <typename T>
+Vector3<T> Moved(const Sim3d& new_from_old, const Vector3<T>& X) {
+  return new_from_old.scale * Rotated(new_from_old, X) + new_from_old.translation.cast<T>();
+}
 
 inline bool AllFinite(const double* values, int num) {
   for (int i = 0; i < num; ++i) {
@@ -50,7 +65,8 @@ inline std::optional<Eigen::Vector4d> QuaternionFromFile(const double* wxyz) {
   return Eigen::Vector4d(*scale * q);
 }
 
-inline void QuaternionToFile(const double* xyzw, double* wxyz) {
+template <typename T>
+void QuaternionToFile(const T* xyzw, T* wxyz) {
   wxyz[0] = xyzw[3];
   for (int i = 0; i < 3; ++i) wxyz[1 + i] = xyzw[i];
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Makes the table of a group type (group_type.h) from its struct; knows no type by name. CMake writes
-// one source for each type of the list, so that one change of a type compiles this type alone.
+// Makes the table of a group type (group_type.h) from its struct; knows no type by name. CMake
+// writes one source for each type of the list, so that one change of a type compiles this type
+// alone.
 #pragma once
 
 #include <Eigen/Core>
@@ -42,7 +43,7 @@ GroupType Describe() {
     if (params) Params{g} = *params;
     return params.has_value();
   };
-  type.to_file = &G::ToFile;
+  type.to_file = &G::template ToFile<double>;
   if constexpr (ProjectsPoints<G>) {
     type.project_point = [](const double* g, const Eigen::Vector3d& X, Eigen::Vector3d* projected) {
       const auto result = G::ProjectPoint(g, X);
@@ -96,6 +97,9 @@ GroupType Describe() {
   type.transform = [](const Sim3d& new_from_old, const double* g, double* transformed) {
     const typename G::Params params = G::Transform(new_from_old, g);
     Params{transformed} = params;
+  };
+  type.file_jacobian = [](const Sim3d& new_from_old, const double* g, double* jacobian) {
+    FileJacobianByDuals<G>(new_from_old, g, jacobian);
   };
   type.mesh = &G::Mesh;
   return type;

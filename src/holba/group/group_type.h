@@ -12,7 +12,7 @@
 //   // In memory; positive quantities as logarithms.
 //   using Params = Matrix<double, Manifold::kAmbient, 1>;
 //   static std::optional<Params> FromFile(const double* plain);    // empty: not a valid group
-//   static void ToFile(const double* g, double* plain);
+//   template <typename T> static void ToFile(const T* g, T* plain);
 //   static std::string_view Requirement();          // "unit n, n.x + w = 0", for error messages
 // At least one of these two; a type takes the features that it can project (or, for the vanishing
 // point, align):
@@ -36,7 +36,8 @@
 //                                           std::span<const PlueckerLine> lines);
 //   // Sizes of a minimal sample of either kind, 0: not from this kind.
 //   static constexpr int kMinPoints, kMinLines;
-//   static Params Transform(const Sim3d& new_from_old, const double* g);
+//   template <typename T>
+//   static GroupParams<T, Manifold> Transform(const Sim3d& new_from_old, const T* g);
 //   static std::vector<Params> Examples();          // for the contract tests
 //   // Triangles of its extent near the member points, for viewers.
 //   static GroupMesh Mesh(const double* g, std::span<const Vector3d> member_points);
@@ -90,6 +91,9 @@ struct GroupType {
   bool (*fit_minimal)(std::span<const Eigen::Vector3d> points, std::span<const PlueckerLine> lines,
                       double* g);
   void (*transform)(const Sim3d& new_from_old, const double* g, double* transformed);
+  // d(plain parameters of the transformed group) / d(tangent of g), num_file_params x tangent,
+  // row-major; exact however far the new origin is.
+  void (*file_jacobian)(const Sim3d& new_from_old, const double* g, double* jacobian);
   GroupMesh (*mesh)(const double* g, std::span<const Eigen::Vector3d> member_points);
 
   bool TakesPoints() const { return project_point != nullptr; }

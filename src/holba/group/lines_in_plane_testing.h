@@ -18,7 +18,10 @@ struct LinesInPlane {
   using Params = Plane::Params;
   static std::string_view Requirement() { return Plane::Requirement(); }
   static std::optional<Params> FromFile(const double* plain) { return Plane::FromFile(plain); }
-  static void ToFile(const double* g, double* plain) { Plane::ToFile(g, plain); }
+  template <typename T>
+  static void ToFile(const T* g, T* plain) {
+    Plane::ToFile(g, plain);
+  }
   template <typename T>
   static std::optional<std::pair<Vector3<T>, Vector3<T>>> ProjectLine(const T* g,
                                                                       const Vector3<T>& d,
@@ -29,7 +32,8 @@ struct LinesInPlane {
                                           std::span<const PlueckerLine> lines) {
     return Plane::FitMinimal(points, lines);
   }
-  static Params Transform(const Sim3d& new_from_old, const double* g) {
+  template <typename T>
+  static GroupParams<T, Manifold> Transform(const Sim3d& new_from_old, const T* g) {
     return Plane::Transform(new_from_old, g);
   }
   static std::vector<Params> Examples() { return Plane::Examples(); }

@@ -25,7 +25,7 @@ struct Plane {
   static constexpr int kNumFileParams = 4;
   static constexpr int kMinPoints = 3, kMinLines = 2;
   using Manifold = Product<UnitVector3, Euclidean<1>>;
-  using Params = Eigen::Matrix<double, Manifold::kAmbient, 1>;
+  using Params = GroupParams<double, Manifold>;
 
   // Sine of 1 degree: a line nearer to the normal has no projection. There the projected direction
   // turns by 1 / sine of what the line turns: with f = 700 px the group residual of a line moves by
@@ -43,7 +43,10 @@ struct Plane {
     return Params(*scale * g);
   }
 
-  static void ToFile(const double* g, double* plain) { std::copy(g, g + 4, plain); }
+  template <typename T>
+  static void ToFile(const T* g, T* plain) {
+    std::copy(g, g + 4, plain);
+  }
 
   // Unit normal.
   template <typename T>
@@ -173,10 +176,12 @@ struct Plane {
     return g;
   }
 
-  static Params Transform(const Sim3d& new_from_old, const double* g) {
-    Params result;
-    result.head<3>() = (new_from_old.rotation * Eigen::Vector3d(g[0], g[1], g[2])).normalized();
-    result[3] = new_from_old.scale * g[3] - result.head<3>().dot(new_from_old.translation);
+  template <typename T>
+  static GroupParams<T, Manifold> Transform(const Sim3d& new_from_old, const T* g) {
+    GroupParams<T, Manifold> result;
+    result.template head<3>() = Rotated(new_from_old, Vector3<T>(g[0], g[1], g[2])).normalized();
+    result[3] = new_from_old.scale * g[3] -
+                Vector3<T>(result.template head<3>()).dot(new_from_old.translation.cast<T>());
     return result;
   }
 

@@ -25,7 +25,7 @@ struct Sphere {
   static constexpr int kNumFileParams = 4;
   static constexpr int kMinPoints = 4, kMinLines = 0;
   using Manifold = Euclidean<4>;
-  using Params = Eigen::Matrix<double, Manifold::kAmbient, 1>;
+  using Params = GroupParams<double, Manifold>;
 
   static std::string_view Requirement() { return "r > 0"; }
 
@@ -34,9 +34,11 @@ struct Sphere {
     return Params(plain[0], plain[1], plain[2], std::log(plain[3]));
   }
 
-  static void ToFile(const double* g, double* plain) {
+  template <typename T>
+  static void ToFile(const T* g, T* plain) {
     std::copy(g, g + 3, plain);
-    plain[3] = std::exp(g[3]);
+    using std::exp;
+    plain[3] = exp(g[3]);
   }
 
   // Nearest point of the sphere. Fails at the centre, where every point is nearest.
@@ -92,9 +94,10 @@ struct Sphere {
     return Transform(normalized->original_from_normalized, g.data());
   }
 
-  static Params Transform(const Sim3d& new_from_old, const double* g) {
-    Params result;
-    result.head<3>() = new_from_old * Eigen::Vector3d(g[0], g[1], g[2]);
+  template <typename T>
+  static GroupParams<T, Manifold> Transform(const Sim3d& new_from_old, const T* g) {
+    GroupParams<T, Manifold> result;
+    result.template head<3>() = Moved(new_from_old, Vector3<T>(g[0], g[1], g[2]));
     result[3] = g[3] + std::log(new_from_old.scale);
     return result;
   }

@@ -22,7 +22,7 @@ struct VanishingPoint {
   static constexpr int kNumFileParams = 3;
   static constexpr int kMinPoints = 0, kMinLines = 1;
   using Manifold = UnitVector3;
-  using Params = Eigen::Matrix<double, Manifold::kAmbient, 1>;
+  using Params = GroupParams<double, Manifold>;
 
   static std::string_view Requirement() { return "unit v"; }
 
@@ -33,7 +33,10 @@ struct VanishingPoint {
     return Params(*scale * v);
   }
 
-  static void ToFile(const double* g, double* plain) { std::copy(g, g + 3, plain); }
+  template <typename T>
+  static void ToFile(const T* g, T* plain) {
+    std::copy(g, g + 3, plain);
+  }
 
   template <typename T>
   static Vector3<T> Direction(const T* g) {
@@ -57,8 +60,9 @@ struct VanishingPoint {
     return Params(v.dot(lines[0].direction) < 0.0 ? Eigen::Vector3d(-v) : v);
   }
 
-  static Params Transform(const Sim3d& new_from_old, const double* g) {
-    return (new_from_old.rotation * Eigen::Vector3d(g[0], g[1], g[2])).normalized();
+  template <typename T>
+  static GroupParams<T, Manifold> Transform(const Sim3d& new_from_old, const T* g) {
+    return Rotated(new_from_old, Vector3<T>(g[0], g[1], g[2])).normalized();
   }
 
   static std::vector<Params> Examples() {
