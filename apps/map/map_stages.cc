@@ -282,7 +282,7 @@ MapOutput MapStages::Run(const MapPaths& paths,
       if (refine_models_) Refine(paths, data, &database, &mapped.model, &of_model);
       // A model that is continued stays where it is.
       if (align_to_positions_ && paths.input_path.empty())
-        of_model.alignment = AlignToPositions(database.ReadPositionPriors(), &mapped.model);
+        of_model.alignment = AlignToPositions(database.ReadPosePriors(), &mapped.model);
       output.refine_seconds += refine_timer.Seconds();
       UpdateErrors(&mapped.model);
       CountModel(mapped.model, &of_model);

@@ -19,7 +19,7 @@ constexpr double kMaxSigma = 0.05;
 
 }  // namespace
 
-std::optional<PositionAlignment> AlignToPositions(const std::map<image_t, PositionPrior>& priors,
+std::optional<PositionAlignment> AlignToPositions(const std::map<image_t, PosePrior>& priors,
                                                   Reconstruction* model) {
   PositionAlignment result;
   // Positions as centres of cameras that look anywhere: a model to align to.
@@ -27,14 +27,14 @@ std::optional<PositionAlignment> AlignToPositions(const std::map<image_t, Positi
   std::optional<Eigen::Matrix3d> axes;
   for (const auto& [id, prior] : priors) {
     const Image* image = model->images.Find(id);
-    if (image == nullptr) continue;
-    Eigen::Vector3d position = prior.position;
-    if (prior.is_wgs84) {
+    if (image == nullptr || !prior.position) continue;
+    Eigen::Vector3d position = *prior.position;
+    if (prior.system == PosePrior::System::kWgs84) {
       if (!result.origin) {
-        result.origin = prior.position;
-        axes = EastNorthUp(prior.position);
+        result.origin = position;
+        axes = EastNorthUp(position);
       }
-      position = *axes * (EarthCentred(prior.position) - EarthCentred(*result.origin));
+      position = *axes * (EarthCentred(position) - EarthCentred(*result.origin));
     }
     Image placed{.name = image->name};
     placed.cam_from_world.translation = -position;

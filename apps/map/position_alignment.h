@@ -28,7 +28,7 @@ struct PositionAlignment {
 // stays as it is where the positions, as exact as they prove to be, do not determine its rotation
 // to 3 degrees and its scale to 5 %: GPS says nothing about a table top. Null: fewer than 3 images
 // have positions.
-std::optional<PositionAlignment> AlignToPositions(const std::map<image_t, PositionPrior>& priors,
+std::optional<PositionAlignment> AlignToPositions(const std::map<image_t, PosePrior>& priors,
                                                   Reconstruction* model);
 
 }  // namespace holba

@@ -19,7 +19,7 @@ using ::testing::HasSubstr;
 // ones.
 struct Hill {
   Reconstruction model;
-  std::map<image_t, PositionPrior> positions;
+  std::map<image_t, PosePrior> positions;
 };
 Hill MakeHill(double noise) {
   Hill hill;
@@ -34,7 +34,7 @@ Hill MakeHill(double noise) {
     image.cam_from_world.translation = -(model_from_world * place);
     hill.model.images.Add(id, image);
     const Eigen::Vector3d error(random.Normal(noise), random.Normal(noise), random.Normal(noise));
-    hill.positions[id] = {place + error, false};
+    hill.positions[id] = {place + error, PosePrior::System::kCartesian, std::nullopt};
   }
   hill.model.AddTrivialRigsAndFrames();
   return hill;
@@ -42,7 +42,7 @@ Hill MakeHill(double noise) {
 
 TEST(PositionAlignment, ExactPositionsAreReachedAndAWrongOneMovesNothing) {
   Hill hill = MakeHill(0.0);
-  hill.positions.at(7).position += Eigen::Vector3d(1e4, 0, 0);
+  *hill.positions.at(7).position += Eigen::Vector3d(1e4, 0, 0);
   const auto result = AlignToPositions(hill.positions, &hill.model);
   ASSERT_TRUE(result);
   EXPECT_EQ(result->why_not, "");
@@ -51,7 +51,7 @@ TEST(PositionAlignment, ExactPositionsAreReachedAndAWrongOneMovesNothing) {
   EXPECT_EQ(hill.model.FindInconsistency(), std::nullopt);
   for (const auto& [id, prior] : hill.positions) {
     if (id == 7) continue;
-    EXPECT_LT((hill.model.CameraCentre(id) - prior.position).norm(), 1e-6);
+    EXPECT_LT((hill.model.CameraCentre(id) - *prior.position).norm(), 1e-6);
   }
 }
 
@@ -59,8 +59,10 @@ TEST(PositionAlignment, GpsBecomesEastNorthAndUpInMetres) {
   Hill hill = MakeHill(0.0);
   // A degree of latitude is 111 km, one of longitude at 60 degrees half of that.
   for (auto& [id, prior] : hill.positions) {
-    const Eigen::Vector3d place = prior.position;
-    prior = {{60.0 + place.y() / 111412.0, 10.0 + place.x() / 55800.0, 100.0 + place.z()}, true};
+    const Eigen::Vector3d place = *prior.position;
+    prior.position =
+        Eigen::Vector3d(60.0 + place.y() / 111412.0, 10.0 + place.x() / 55800.0, 100.0 + place.z());
+    prior.system = PosePrior::System::kWgs84;
   }
   const auto result = AlignToPositions(hill.positions, &hill.model);
   ASSERT_TRUE(result && result->origin);
@@ -68,9 +70,9 @@ TEST(PositionAlignment, GpsBecomesEastNorthAndUpInMetres) {
   EXPECT_NEAR(result->scale, 50.0, 0.1);
   const Eigen::Vector3d before = *result->origin;
   for (const auto& [id, prior] : hill.positions) {
-    const Eigen::Vector3d expected((prior.position.y() - before.y()) * 55800.0,
-                                   (prior.position.x() - before.x()) * 111412.0,
-                                   prior.position.z() - before.z());
+    const Eigen::Vector3d expected((prior.position->y() - before.y()) * 55800.0,
+                                   (prior.position->x() - before.x()) * 111412.0,
+                                   prior.position->z() - before.z());
     EXPECT_LT((hill.model.CameraCentre(id) - expected).norm(), 0.1);
   }
 }

@@ -64,6 +64,12 @@ class Extract(Case):
         self.assertIn("no image 'd.pgm'; see", self.refuses(*ask, "--picture_path", picture))
         self.assertEqual(picture.read_bytes(), data)
 
+    def test_what_is_refused_leaves_no_database(self):
+        database = self.folder / "refused.db"
+        elsewhere = ("--Import.points_path", self.folder / "no")
+        self.assertIn("check --Import.points_path", self.refuses(*self.extract(database, *elsewhere)))
+        self.assertFalse(database.exists())
+
     def test_names_what_is_missing(self):
         self.assertIn("no such file", self.refuses("inspect", "--database_path", self.folder / "no"))
         self.assertIn("make it with 'holba extract'",

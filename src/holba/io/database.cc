@@ -160,6 +160,14 @@ void ProbeExistingDatabase(const std::filesystem::path& path) {
   ProbeDatabase(path);
 }
 
+void RemoveEmptyDatabase(const std::filesystem::path& path) {
+  {
+    const Database database(path);
+    if (!database.ReadCameras().empty() || !database.ReadImages().empty()) return;
+  }
+  std::filesystem::remove(path);
+}
+
 Database::~Database() { Close(); }
 
 void Database::Close() {

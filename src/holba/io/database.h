@@ -45,17 +45,12 @@ struct DatabaseImage {
 // What is known about a camera's pose before anything is computed (COLMAP 4's pose_priors).
 struct PosePrior {
   enum class System { kUndefined = -1, kWgs84 = 0, kCartesian = 1 };
-  std::optional<Eigen::Vector3d> position;  // of the centre; WGS84: latitude, longitude, altitude
+  // Of the centre; WGS84: latitude and longitude in degrees, altitude in metres.
+  std::optional<Eigen::Vector3d> position;
   System system = System::kUndefined;
   std::optional<Eigen::Vector3d> gravity_in_cam;  // unit, downwards
 
   bool empty() const { return !position && !gravity_in_cam; }
-};
-
-// Where an image was taken, by GPS or the like.
-struct PositionPrior {
-  Eigen::Vector3d position;  // latitude and longitude in degrees, altitude in metres; or Cartesian
-  bool is_wgs84 = false;
 };
 
 struct ImageCorners {
@@ -98,6 +93,10 @@ void ProbeDatabase(const std::filesystem::path& path);
 // The same of one that must be there already.
 void ProbeExistingDatabase(const std::filesystem::path& path);
 
+// Removes a database that holds no camera and no image: what a command that then could not do its
+// work has made.
+void RemoveEmptyDatabase(const std::filesystem::path& path);
+
 class Database {
  public:
   // Opens a database, or makes a new one with its parent folders.
@@ -130,8 +129,6 @@ class Database {
   // Empty in databases of before COLMAP 3.12. Frames have no poses.
   std::map<rig_t, Rig> ReadRigs() const;
   std::map<frame_t, Frame> ReadFrames() const;
-  // Of images that have one, in whatever way the database's version of COLMAP stores them.
-  std::map<image_t, PositionPrior> ReadPositionPriors() const;
   // Adds it under this id, or (empty) under a new one. Returns the id. An image needs its camera,
   // and gets a trivial rig and frame if the database's other images have theirs (COLMAP 3.12 and
   // later).
@@ -141,7 +138,8 @@ class Database {
   // Of the image, whose camera this is. Databases of before COLMAP 3.12 take the position only, in
   // their own columns.
   void WritePosePrior(image_t image_id, camera_t camera_id, const PosePrior& prior);
-  std::optional<PosePrior> ReadPosePrior(image_t image_id) const;
+  // Of images that have one, in whatever way the database's version of COLMAP stores them.
+  std::map<image_t, PosePrior> ReadPosePriors() const;
 
   // Empty: there is no such row. A write replaces what was there.
   std::optional<Keypoints> ReadKeypoints(image_t image_id) const;

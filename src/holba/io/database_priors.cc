@@ -53,30 +53,51 @@ void Database::WritePosePrior(image_t image_id, camera_t camera_id, const PosePr
   transaction.Commit();
 }
 
-std::optional<PosePrior> Database::ReadPosePrior(image_t image_id) const {
-  if (!HasTable("pose_priors") || !HasColumn("pose_priors", "corr_data_id")) return std::nullopt;
-  Statement row(*this, fmt::format("SELECT position, coordinate_system, {} FROM pose_priors WHERE "
-                                   "corr_data_id = ? AND corr_sensor_type = ?",
-                                   HasColumn("pose_priors", "gravity") ? "gravity" : "NULL"));
-  if (!row.Integer(image_id).Integer(kCamera).Step()) return std::nullopt;
-  const auto read = [&](int column, const char* name) -> std::optional<Eigen::Vector3d> {
-    if (row.GetBytes(column).empty()) return std::nullopt;
-    const auto values = row.GetArray<double>(column, 3, 1);
-    if (!values) {
-      FailRow("pose_priors", fmt::format("corr_data_id = {}", image_id),
-              fmt::format("expected 3 numbers in {}, found {} bytes", name,
-                          row.GetBytes(column).size()));
+std::map<image_t, PosePrior> Database::ReadPosePriors() const {
+  std::map<image_t, PosePrior> priors;
+  if (HasTable("pose_priors")) {
+    // COLMAP 4 has a table of sensors' data, 3.9 to 3.12 one of images.
+    const bool of_sensors = HasColumn("pose_priors", "corr_data_id");
+    Statement rows(
+        *this, fmt::format("SELECT {}, position, coordinate_system, {} FROM pose_priors{}",
+                           of_sensors ? "corr_data_id" : "image_id",
+                           HasColumn("pose_priors", "gravity") ? "gravity" : "NULL",
+                           of_sensors ? fmt::format(" WHERE corr_sensor_type = {}", kCamera) : ""));
+    while (rows.Step()) {
+      const int64_t id = rows.GetInteger(0);
+      const auto read = [&](int column, const char* name) -> std::optional<Eigen::Vector3d> {
+        if (rows.GetBytes(column).empty()) return std::nullopt;
+        const auto values = rows.GetArray<double>(column, 3, 1);
+        if (!values) {
+          FailRow("pose_priors", fmt::format("image {}", id),
+                  fmt::format("expected 3 numbers in {}, found {} bytes", name,
+                              rows.GetBytes(column).size()));
+        }
+        if (!AllFinite(*values)) return std::nullopt;  // not set
+        return Eigen::Vector3d(values->data());
+      };
+      PosePrior prior;
+      prior.position = read(1, "position");
+      prior.gravity_in_cam = read(3, "gravity");
+      const int64_t system = rows.GetInteger(2);
+      if (system == 0) prior.system = PosePrior::System::kWgs84;
+      if (system == 1) prior.system = PosePrior::System::kCartesian;
+      if (!prior.empty()) priors.emplace(static_cast<image_t>(id), prior);
     }
-    if (!AllFinite(*values)) return std::nullopt;
-    return Eigen::Vector3d(values->data());
-  };
-  PosePrior prior;
-  prior.position = read(0, "position");
-  const int64_t system = row.GetInteger(1);
-  if (system == 0) prior.system = PosePrior::System::kWgs84;
-  if (system == 1) prior.system = PosePrior::System::kCartesian;
-  prior.gravity_in_cam = read(2, "gravity");
-  return prior;
+  }
+  // Up to 3.8 positions are columns of the images, without a system.
+  if (priors.empty() && HasColumn("images", "prior_tx")) {
+    Statement rows(*this,
+                   "SELECT image_id, prior_tx, prior_ty, prior_tz FROM images WHERE prior_tx IS "
+                   "NOT NULL AND prior_ty IS NOT NULL AND prior_tz IS NOT NULL");
+    while (rows.Step()) {
+      PosePrior prior;
+      prior.position = Eigen::Vector3d(rows.GetDouble(1), rows.GetDouble(2), rows.GetDouble(3));
+      if (prior.position->allFinite())
+        priors.emplace(static_cast<image_t>(rows.GetInteger(0)), prior);
+    }
+  }
+  return priors;
 }
 
 DatabaseSummary Database::Summarise() const {

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <map>
+#include <string>
 
 #include "holba/io/database.h"
 #include "holba/io/database_testing.h"
@@ -30,13 +32,15 @@ TEST_F(DatabasePriors, AreReadAsTheyWereWritten) {
   database.WritePosePrior(1, 1, gravity);
   database.WritePosePrior(1, 1, full);  // replaces
   database.WritePosePrior(3, 1, gravity);
-  const PosePrior read = database.ReadPosePrior(1).value();
+  const std::map<image_t, PosePrior> priors = database.ReadPosePriors();
+  const PosePrior& read = priors.at(1);
   EXPECT_EQ(read.position, full.position);
   EXPECT_EQ(read.system, full.system);
   EXPECT_EQ(read.gravity_in_cam, full.gravity_in_cam);
-  EXPECT_FALSE(database.ReadPosePrior(2));
-  EXPECT_FALSE(database.ReadPosePrior(3)->position);
-  EXPECT_EQ(database.ReadPosePrior(3)->system, PosePrior::System::kUndefined);
+  EXPECT_FALSE(priors.contains(2));
+  EXPECT_FALSE(priors.at(3).position);
+  EXPECT_EQ(priors.at(3).gravity_in_cam, gravity.gravity_in_cam);
+  EXPECT_EQ(priors.at(3).system, PosePrior::System::kUndefined);
   EXPECT_EQ(database.Summarise().num_pose_priors, 2u);
 }
 
@@ -47,8 +51,48 @@ TEST_F(DatabasePriors, ADatabaseWithoutTheirTableTakesNone) {
   PosePrior prior;
   prior.position = Eigen::Vector3d(1, 2, 3);
   database.WritePosePrior(1, 1, prior);
-  EXPECT_FALSE(database.ReadPosePrior(1));
+  EXPECT_TRUE(database.ReadPosePriors().empty());
   EXPECT_EQ(database.Summarise().num_pose_priors, 0u);
+}
+
+TEST_F(DatabasePriors, OlderVersionsOfTheTableAndOfTheImagesAreRead) {
+  Database database(path_);
+  AddImages(3, &database);
+  // COLMAP 3.9 to 3.12.
+  database.Execute("DROP TABLE pose_priors");
+  database.Execute(
+      "CREATE TABLE pose_priors(image_id INTEGER PRIMARY KEY, position BLOB, coordinate_system "
+      "INTEGER, position_covariance BLOB)");
+  // 1, 2, 3 and three times "not a number", as COLMAP writes them.
+  database.Execute(
+      "INSERT INTO pose_priors VALUES(2, x'000000000000f03f00000000000000400000000000000840', 0, "
+      "NULL), (3, x'000000000000f87f000000000000f87f000000000000f87f', -1, NULL)");
+  std::map<image_t, PosePrior> priors = database.ReadPosePriors();
+  ASSERT_EQ(priors.size(), 1u);
+  EXPECT_EQ(priors.at(2).position, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(priors.at(2).system, PosePrior::System::kWgs84);
+  // Up to 3.8.
+  database.Execute("DROP TABLE pose_priors");
+  for (const char* column : {"prior_tx", "prior_ty", "prior_tz"})
+    database.Execute(std::string("ALTER TABLE images ADD COLUMN ") + column + " REAL");
+  database.Execute(
+      "UPDATE images SET prior_tx = 4, prior_ty = 5, prior_tz = 6.5 WHERE image_id = 3");
+  priors = database.ReadPosePriors();
+  ASSERT_EQ(priors.size(), 1u);
+  EXPECT_EQ(priors.at(3).position, Eigen::Vector3d(4, 5, 6.5));
+  EXPECT_EQ(priors.at(3).system, PosePrior::System::kUndefined);
+}
+
+TEST_F(DatabasePriors, ADatabaseIsRemovedOnlyWhileItHoldsNothing) {
+  { Database database(path_); }
+  RemoveEmptyDatabase(path_);
+  EXPECT_FALSE(std::filesystem::exists(path_));
+  {
+    Database database(path_);
+    AddImages(1, &database);
+  }
+  RemoveEmptyDatabase(path_);
+  EXPECT_TRUE(std::filesystem::exists(path_));
 }
 
 TEST_F(DatabasePriors, ASummaryCountsWhatIsThere) {

@@ -3,7 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <utility>
@@ -59,7 +61,7 @@ class Extractor {
 
   ExtractReport Run() {
     ParallelTasks(options_.num_threads, plan_.images.size(), [&](size_t i) {
-      if (is_stopped_) return;
+      if (i > first_fault_) return;
       Found found = Find(i);
       const std::lock_guard lock(mutex_);
       Keep(i, std::move(found));
@@ -199,10 +201,11 @@ class Extractor {
 
   // Images are written in their order: what is found earlier waits. Under the lock.
   void Keep(size_t i, Found found) {
-    if (options_.strict && found.report.fault) is_stopped_ = true;
+    // A strict run ends with the first fault in the order of the images, whichever thread is ahead.
+    if (options_.strict && found.report.fault) first_fault_ = std::min(i, first_fault_.load());
     found_[i] = std::move(found);
     is_found_[i] = true;
-    while (num_kept_ < found_.size() && is_found_[num_kept_]) {
+    while (num_kept_ < found_.size() && num_kept_ <= first_fault_ && is_found_[num_kept_]) {
       Found& next = found_[num_kept_];
       if (!next.report.fault) Store(plan_.images[num_kept_], &next);
       report_.images[num_kept_] = std::move(next.report);
@@ -286,7 +289,8 @@ class Extractor {
   std::map<image_t, ImportedPoints> imported_points_;
   std::shared_ptr<const DescribedModel> point_model_;  // null: SIFT
   ExtractReport report_;
-  std::atomic<bool> is_stopped_ = false;
+  // Of a strict run; changed under the lock.
+  std::atomic<size_t> first_fault_ = std::numeric_limits<size_t>::max();
   std::mutex mutex_;  // of the database and of what follows
   std::vector<Found> found_;
   std::vector<bool> is_found_;

@@ -179,6 +179,13 @@ TEST_F(Extract, ABadPictureIsNamedAndLeftOutOrStopsAStrictRun) {
   EXPECT_THAT(MessageOfRun("b.db"), HasSubstr("4.png"));
   // What came before it is there.
   EXPECT_EQ(Database(DatabasePath("b.db")).ReadImages().size(), 1u);
+  // The first one in the order of names, however many are worked on at a time.
+  for (const int num_threads : {1, 2, 5}) {
+    options_.num_threads = num_threads;
+    const std::string name = "strict" + std::to_string(num_threads) + ".db";
+    EXPECT_THAT(MessageOfRun(name), testing::AllOf(HasSubstr("4.png"), HasSubstr("(1 of 5 ")));
+    ExpectSameDatabases(DatabasePath("b.db"), DatabasePath(name));
+  }
   options_.strict = false;
   // Pixels that cannot be decoded behind a header that can.
   std::filesystem::resize_file(folder_ / "3.png", 200);
@@ -282,11 +289,12 @@ TEST_F(Extract, ExifSaysCamerasFocalLengthsAndWhereThePhotographerStood) {
   EXPECT_NEAR(known.camera.params[0], 35.0 / 43.27 * std::hypot(240.0, 180.0), 1e-9);
   EXPECT_FALSE(other.has_prior_focal_length);
   EXPECT_THAT(other.camera.params, ElementsAre(1.2 * 240, 120, 90, 0));
-  const PosePrior prior = database.ReadPosePrior(3).value();
+  const std::map<image_t, PosePrior> priors = database.ReadPosePriors();
+  const PosePrior& prior = priors.at(3);
   EXPECT_EQ(prior.position, Eigen::Vector3d(47.5, 8.25, 408.0));
   EXPECT_EQ(prior.system, PosePrior::System::kWgs84);
   EXPECT_EQ(prior.gravity_in_cam, Eigen::Vector3d(-1, 0, 0));
-  EXPECT_FALSE(database.ReadPosePrior(2));
+  EXPECT_FALSE(priors.contains(2));
 }
 
 // As numpy writes an array.
@@ -322,6 +330,12 @@ TEST_F(Extract, TakesThePointsOfHlocInsteadOfSift) {
   EXPECT_EQ(database.NumKeypoints(2), 1u);
   EXPECT_EQ(database.NumKeypoints(3), 0u);
   EXPECT_GE(report.images[2].num_segments, 24u);
+  // Paired by the ends of their paths.
+  Write("set/images/3.jpg/keypoints.npy", Npy("(2, 2)", {10, 20, 30.5, 40}));
+  options_.points_path = (folder_ / "set").string();
+  Run("paired.db");
+  EXPECT_EQ(Database(DatabasePath("paired.db")).NumKeypoints(1), 2u);
+  options_.points_path = (folder_ / "points").string();
   Write("points/5.png/keypoints.npy", Npy("(1, 2)", {0, 1179}));
   EXPECT_THAT(MessageOfRun("b.db"), HasSubstr("outside of the image of 240 x 180"));
   options_.points_path = (folder_ / "elsewhere").string();

@@ -110,12 +110,12 @@ std::vector<ImagePair> Spatial(const PairListOptions& options, const Database& d
                                const std::map<image_t, DatabaseImage>& images) {
   std::vector<image_t> ids;
   std::vector<Eigen::Vector3d> places;
-  for (const auto& [id, prior] : database.ReadPositionPriors()) {
-    if (!images.contains(id)) continue;
-    Eigen::Vector3d place = prior.position;
+  for (const auto& [id, prior] : database.ReadPosePriors()) {
+    if (!prior.position || !images.contains(id)) continue;
+    Eigen::Vector3d place = *prior.position;
     if (options.ignore_z) place.z() = 0.0;
     ids.push_back(id);
-    places.push_back(prior.is_wgs84 ? EarthCentred(place) : place);
+    places.push_back(prior.system == PosePrior::System::kWgs84 ? EarthCentred(place) : place);
   }
   if (ids.size() < 2) {
     throw InputError(database.path(),

@@ -25,16 +25,59 @@ bool IsTarget(std::string_view key) {
   return std::find(kTargetKeys.begin(), kTargetKeys.end(), key) != kTargetKeys.end();
 }
 
-void UseFields(const StoredArrays& stored, const std::string& name_without_path,
-               const ImageNames& names, const Reconstruction& model,
+// A file of arrays; `stem` stands for the pair of arrays that are not named by one.
+struct FieldFile {
+  fs::path path;
+  std::string stem;
+  bool is_in_folder;
+
+  // The path of an array with what the file's own path says of it.
+  std::string FullName(std::string_view array) const {
+    if (!is_in_folder || HasHdf5Extension(path)) return std::string(array);
+    return path.extension() == ".npy" ? stem : stem + "/" + std::string(array);
+  }
+};
+
+std::vector<FieldFile> FieldFiles(const fs::path& path) {
+  if (!fs::is_directory(path)) return {{path, path.stem().string(), false}};
+  std::vector<FieldFile> files;
+  for (const auto& [name, file] : FilesBelow(path)) {
+    if (HoldsArrays(file)) files.push_back({file, std::string(WithoutExtension(name)), true});
+  }
+  return files;
+}
+
+// "NAME1/NAME2" of an array. An array may be named by its pair alone.
+std::string PairOf(const std::string& full_name, const std::string& stem) {
+  const auto [prefix, key] = SplitLast(full_name);
+  if (!IsTarget(key)) return full_name;
+  return prefix.empty() ? stem : std::string(prefix);
+}
+
+// What the names mean is decided on all of them, before the first field is read.
+ImageNames NamesOf(const std::vector<FieldFile>& files, const Reconstruction& model) {
+  std::vector<std::string> pairs;
+  for (const FieldFile& file : files) {
+    ReadStoredArrays(file.path, [&](std::string_view array) {
+      const std::string full_name = file.FullName(array);
+      if (SplitLast(full_name).second != kCertaintyKey)
+        pairs.push_back(PairOf(full_name, file.stem));
+      return false;
+    });
+  }
+  ImageNames names(model);
+  names.LearnFromPairs(pairs, /*is_text=*/false);
+  return names;
+}
+
+void UseFields(const StoredArrays& stored, const std::string& stem, const ImageNames& names,
+               const Reconstruction& model,
                const std::function<void(image_t, image_t, const CorrespondenceField&)>& use,
                CorrespondenceImportReport* report, std::string* unknown) {
   for (const auto& [path, array] : stored) {
     const auto [prefix, key] = SplitLast(path);
     if (key == kCertaintyKey) continue;
-    // An array may be named by its pair alone.
-    const std::string pair =
-        IsTarget(key) ? (prefix.empty() ? name_without_path : std::string(prefix)) : path;
+    const std::string pair = PairOf(path, stem);
     const auto found = names.FindPair(pair, array.place);
     if (!found) {
       if (report->num_unknown_pairs++ == 0) *unknown = pair;
@@ -113,26 +156,14 @@ void ForEachCorrespondenceField(
     const std::function<void(image_t from, image_t to, const CorrespondenceField& field)>& use,
     CorrespondenceImportReport* report) {
   if (!fs::exists(path)) throw NoSuchFileOrFolder(path);
-  const ImageNames names(model);
+  const std::vector<FieldFile> files = FieldFiles(path);
+  const ImageNames names = NamesOf(files, model);
   std::string unknown;
-  const auto wanted = [](std::string_view) { return true; };
-  if (fs::is_directory(path)) {
-    for (const auto& [name, file] : FilesBelow(path)) {
-      if (!HoldsArrays(file)) continue;
-      StoredArrays stored;
-      const std::string stem(WithoutExtension(name));
-      for (auto& [array_path, array] : ReadStoredArrays(file, wanted)) {
-        const bool is_npy = file.extension() == ".npy";
-        const std::string full = is_npy                   ? stem
-                                 : HasHdf5Extension(file) ? array_path
-                                                          : stem + "/" + array_path;
-        stored[full] = std::move(array);
-      }
-      UseFields(stored, stem, names, model, use, report, &unknown);
-    }
-  } else {
-    UseFields(ReadStoredArrays(path, wanted), path.stem().string(), names, model, use, report,
-              &unknown);
+  for (const FieldFile& file : files) {
+    StoredArrays stored;
+    for (auto& [name, array] : ReadStoredArrays(file.path, [](std::string_view) { return true; }))
+      stored[file.FullName(name)] = std::move(array);
+    UseFields(stored, file.stem, names, model, use, report, &unknown);
   }
   if (report->num_fields == 0) {
     if (report->num_unknown_pairs > 0)

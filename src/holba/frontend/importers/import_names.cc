@@ -30,29 +30,57 @@ ImageNames::ImageNames(const Reconstruction& model) {
 }
 
 void ImageNames::Learn(std::span<const std::string> names) {
-  std::vector<std::string_view> unknown, free;
-  std::vector<image_t> free_ids;
+  std::set<std::string> unknown;
   std::set<image_t> meant;
   for (const std::string& name : names) {
-    if (const std::optional<image_t> image_id = Find(name)) {
+    std::optional<image_t> image_id = Find(name);
+    if (!image_id) image_id = FindDashed(name);
+    if (image_id) {
       meant.insert(*image_id);
-    } else if (std::find(unknown.begin(), unknown.end(), name) == unknown.end()) {
-      unknown.push_back(name);
+    } else {
+      unknown.insert(name);
     }
   }
-  if (unknown.empty()) return;
-  for (const auto& [image_id, name] : name_of_) {
-    if (meant.contains(image_id)) continue;
-    free.push_back(name);
-    free_ids.push_back(image_id);
+  const size_t num_whole = meant.size();
+  size_t num_by_ending = 0;
+  std::string examples;
+  // Pairs what is left on both sides, first by the names as they are, then with '/' for each '-' of
+  // those without '/' and of the model's names.
+  for (const bool is_dashed : {false, true}) {
+    std::vector<std::string> own, others;
+    std::vector<std::string_view> as_written;
+    std::vector<image_t> ids;
+    const auto slashed = [is_dashed](std::string name) {
+      if (is_dashed) std::replace(name.begin(), name.end(), '-', '/');
+      return name;
+    };
+    for (const std::string& name : unknown) {
+      if (is_dashed && (name.find('/') != name.npos || name.find('-') == name.npos)) continue;
+      as_written.push_back(name);
+      own.push_back(slashed(name));
+    }
+    if (own.empty()) continue;
+    for (const auto& [image_id, name] : name_of_) {
+      if (meant.contains(image_id)) continue;
+      ids.push_back(image_id);
+      others.push_back(slashed(name));
+    }
+    const std::vector<std::string_view> a(own.begin(), own.end()), b(others.begin(), others.end());
+    const NamePairing pairing = PairNames(a, b);
+    std::vector<std::string> paired;
+    for (size_t i = 0; i < own.size(); ++i) {
+      if (!pairing.b_of_a[i]) continue;
+      const image_t image_id = ids[*pairing.b_of_a[i]];
+      learnt_.emplace(as_written[i], image_id);
+      meant.insert(image_id);
+      paired.emplace_back(as_written[i]);
+    }
+    for (const std::string& name : paired) unknown.erase(name);
+    num_by_ending += pairing.NumPairs();
+    if (!pairing.examples.empty()) examples += (examples.empty() ? "" : ", ") + pairing.examples;
   }
-  const NamePairing pairing = PairNames(unknown, free);
-  for (size_t i = 0; i < unknown.size(); ++i) {
-    if (pairing.b_of_a[i]) learnt_.emplace(unknown[i], free_ids[*pairing.b_of_a[i]]);
-  }
-  if (pairing.num_by_ending > 0)
-    LogInfo("{}",
-            HowPaired("imported name", meant.size(), pairing.num_by_ending, pairing.examples));
+  if (num_by_ending > 0)
+    LogInfo("{}", HowPaired("imported name", num_whole, num_by_ending, examples));
 }
 
 void ImageNames::LearnFromPairs(std::span<const std::string> pairs, bool is_text) {
@@ -70,6 +98,12 @@ std::optional<image_t> ImageNames::FindWhole(std::string_view name) const {
   if (const auto it = by_name_.find(name); it != by_name_.end()) return it->second;
   if (const auto it = learnt_.find(name); it != learnt_.end()) return it->second;
   return std::nullopt;
+}
+
+std::optional<image_t> ImageNames::FindDashed(std::string_view name) const {
+  const auto it = by_dashed_name_.find(name);
+  if (it == by_dashed_name_.end() || it->second.size() != 1) return std::nullopt;
+  return *it->second.begin();
 }
 
 std::optional<image_t> ImageNames::Find(std::string_view name) const {
@@ -107,9 +141,13 @@ std::optional<std::pair<image_t, image_t>> ImageNames::FindPair(std::string_view
     if (!found.empty()) break;
   }
   if (found.empty()) {
+    const auto find = [this](std::string_view name) {
+      const std::optional<image_t> whole = FindWhole(name);
+      return whole ? whole : FindDashed(name);
+    };
     for (size_t at = text.find('/'); at != std::string_view::npos; at = text.find('/', at + 1)) {
-      const std::optional<image_t> first = FindWhole(text.substr(0, at));
-      const std::optional<image_t> second = FindWhole(text.substr(at + 1));
+      const std::optional<image_t> first = find(text.substr(0, at));
+      const std::optional<image_t> second = find(text.substr(at + 1));
       if (first && second && *first != *second) found.emplace(*first, *second);
     }
   }

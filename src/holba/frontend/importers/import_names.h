@@ -24,7 +24,7 @@ class ImageNames {
 
   // Names of a file that are not the model's are paired with images that none of them means, by the
   // ends of their paths (scene/name_pairing.h): Find and FindPair know them from then on. Says on
-  // the log what was paired how.
+  // the log what was paired how. A '-' of a name without '/' may stand for '/', as hloc has it.
   void Learn(std::span<const std::string> names);
   // As Learn, for the names in "NAME1/NAME2" (text: "NAME1 NAME2"), where there is one way to cut
   // it.
@@ -51,6 +51,8 @@ class ImageNames {
  private:
   // Of the model's names and those that were learnt.
   std::optional<image_t> FindWhole(std::string_view name) const;
+  // The one image whose name it is with '-' for each '/'.
+  std::optional<image_t> FindDashed(std::string_view name) const;
 
   std::map<std::string, image_t, std::less<>> by_name_;
   std::map<std::string, std::set<image_t>, std::less<>> by_stem_;

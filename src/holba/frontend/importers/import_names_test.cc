@@ -39,6 +39,22 @@ TEST(ImageNames, PairsAreLearntWhereThereIsOneWayToCutThem) {
   EXPECT_EQ(names.FindPair("a.tif/B.png", "file"), std::make_pair(image_t{1}, image_t{2}));
 }
 
+TEST(ImageNames, DashesOfHlocsNamesMayStandForSlashes) {
+  ImageNames names(SmallImportModel());
+  EXPECT_EQ(names.FindPair("dir-a.jpg/b.jpg", "file"), std::make_pair(image_t{1}, image_t{2}));
+  EXPECT_EQ(names.FindPair("set-dir-a.png/set-b.png", "file"), std::nullopt);
+  names.LearnFromPairs(std::vector<std::string>{"set-dir-a.png/set-b.png", "dir-a.jpg/C.png"},
+                       false);
+  // 1 is dir-a.jpg, as it is.
+  EXPECT_EQ(names.FindPair("dir-a.jpg/C.png", "file"), std::make_pair(image_t{1}, image_t{3}));
+  EXPECT_EQ(names.FindPair("dir-a.jpg/set-b.png", "file"), std::make_pair(image_t{1}, image_t{2}));
+  EXPECT_EQ(names.FindPair("set-dir-a.png/set-b.png", "file"), std::nullopt);
+  ImageNames others(SmallImportModel());
+  others.LearnFromPairs(std::vector<std::string>{"set-dir-a.png/set-b.png"}, false);
+  EXPECT_EQ(others.FindPair("set-b.png/set-dir-a.png", "file"),
+            std::make_pair(image_t{2}, image_t{1}));
+}
+
 TEST(ImageNames, WhatIsUnknownIsSaidWithANameOfEach) {
   const ImageNames names(SmallImportModel());
   EXPECT_EQ(std::string(names.NothingKnown("m.h5", 1, "pair", "x/y").what()),

@@ -89,7 +89,13 @@ std::map<image_t, ImportedPoints> ImportPoints(const std::filesystem::path& path
     const std::string_view last = SplitLast(name).second;
     return last == "keypoints" || last == "descriptors";
   });
-  const ImageNames names(model);
+  ImageNames names(model);
+  std::vector<std::string> names_of_file;
+  for (const auto& [key, stored] : arrays) {
+    const auto [name, last] = SplitLast(key);
+    if (last == "keypoints") names_of_file.emplace_back(name);
+  }
+  names.Learn(names_of_file);
   std::map<image_t, ImportedPoints> result;
   std::string unknown;
   for (const auto& [key, stored] : arrays) {
