@@ -11,6 +11,16 @@
 
 namespace holba {
 
+Eigen::Matrix<double, 3, 2> TangentBasis(const Eigen::Vector3d& v) {
+  const double sign = std::copysign(1.0, v.z());
+  const double a = -1.0 / (sign + v.z());
+  const double b = v.x() * v.y() * a;
+  Eigen::Matrix<double, 3, 2> basis;
+  basis.col(0) << 1.0 + sign * v.x() * v.x() * a, sign * b, -sign * v.x();
+  basis.col(1) << b, sign + v.y() * v.y() * a, -v.y();
+  return basis;
+}
+
 void UnitVector3::Plus(const double* x, const double* delta, double* out) {
   const Eigen::Vector3d v(x[0], x[1], x[2]);
   const Eigen::Vector3d step = TangentBasis(v) * Eigen::Vector2d(delta[0], delta[1]);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Manifolds of the parameter blocks. A block holds kAmbient doubles and moves by kTangent: x' = x [+] d.
-// PlusJacobian(x): d(x [+] d)/dd at d = 0, kAmbient x kTangent. MinusJacobian(x): d(y [-] x)/dy at y = x,
-// kTangent x kAmbient, so that MinusJacobian * PlusJacobian = identity. All Jacobians row-major.
+// Manifolds of the parameter blocks. A block holds kAmbient doubles and moves by kTangent: x' = x
+// [+] d. PlusJacobian(x): d(x [+] d)/dd at d = 0, kAmbient x kTangent. MinusJacobian(x): d(y [-]
+// x)/dy at y = x, kTangent x kAmbient, so that MinusJacobian * PlusJacobian = identity. All
+// Jacobians row-major.
 #pragma once
 
 #include <Eigen/Core>
@@ -31,15 +32,7 @@ struct Euclidean {
 };
 
 // Two orthonormal vectors perpendicular to unit v, as columns (Duff et al. 2017).
-inline Eigen::Matrix<double, 3, 2> TangentBasis(const Eigen::Vector3d& v) {
-  const double sign = std::copysign(1.0, v.z());
-  const double a = -1.0 / (sign + v.z());
-  const double b = v.x() * v.y() * a;
-  Eigen::Matrix<double, 3, 2> basis;
-  basis.col(0) << 1.0 + sign * v.x() * v.x() * a, sign * b, -sign * v.x();
-  basis.col(1) << b, sign + v.y() * v.y() * a, -v.y();
-  return basis;
-}
+Eigen::Matrix<double, 3, 2> TangentBasis(const Eigen::Vector3d& v);
 
 // The manifolds that are no templates are compiled once, in manifold.cc.
 
@@ -53,7 +46,8 @@ struct UnitVector3 {
   static void MinusJacobian(const double* x, double* jacobian);
 };
 
-// Unit quaternion [x y z w] (3 dof): q' = exp(delta) q, delta a rotation vector in the rotated frame.
+// Unit quaternion [x y z w] (3 dof): q' = exp(delta) q, delta a rotation vector in the rotated
+// frame.
 struct UnitQuaternion {
   static constexpr int kAmbient = 4;
   static constexpr int kTangent = 3;
@@ -102,7 +96,8 @@ struct Product {
 template <typename A>
 struct Product<A> : A {};
 
-// Pose [qx qy qz qw tx ty tz] of x' = R x + t (6 dof): R' = exp(delta[0..2]) R, t' = t + delta[3..5].
+// Pose [qx qy qz qw tx ty tz] of x' = R x + t (6 dof): R' = exp(delta[0..2]) R, t' = t +
+// delta[3..5].
 using PoseManifold = Product<UnitQuaternion, Euclidean<3>>;
 
 // Line [d p], d unit, p a point on it (4 dof): d moves on the sphere, p perpendicular to d.

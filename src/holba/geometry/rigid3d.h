@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rigid3d: x_b = R x_a + t, named b_from_a. Sim3d: x_b = s R x_a + t.
+// Rigid3d: x_b = R x_a + t, named b_from_a. Sim3d: x_b = s R x_a + t. Their products are compiled
+// once, in rigid3d.cc: nearly every file includes this one, and most of the time of a small file
+// would go into the templates of Eigen behind them.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,21 +19,13 @@ struct Rigid3d {
   Rigid3d() = default;
   Rigid3d(const Eigen::Quaterniond& r, const Eigen::Vector3d& t) : rotation(r), translation(t) {}
 
-  Eigen::Matrix3d RotationMatrix() const { return rotation.normalized().toRotationMatrix(); }
-  Eigen::Vector3d operator*(const Eigen::Vector3d& x) const {
-    return rotation.normalized() * x + translation;
-  }
+  Eigen::Matrix3d RotationMatrix() const;
+  Eigen::Vector3d operator*(const Eigen::Vector3d& x) const;
   // c_from_a = c_from_b * b_from_a
-  Rigid3d operator*(const Rigid3d& b_from_a) const {
-    const Eigen::Quaterniond q = rotation.normalized();
-    return {q * b_from_a.rotation.normalized(), q * b_from_a.translation + translation};
-  }
-  Rigid3d Inverse() const {
-    const Eigen::Quaterniond q = rotation.normalized().conjugate();
-    return {q, -(q * translation)};
-  }
+  Rigid3d operator*(const Rigid3d& b_from_a) const;
+  Rigid3d Inverse() const;
   // Origin of b in a: the camera centre of a cam_from_world.
-  Eigen::Vector3d OriginInA() const { return -(rotation.normalized().conjugate() * translation); }
+  Eigen::Vector3d OriginInA() const;
 };
 
 struct Sim3d {
@@ -39,40 +33,16 @@ struct Sim3d {
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
 
-  Eigen::Vector3d operator*(const Eigen::Vector3d& x) const {
-    return scale * (rotation * x) + translation;
-  }
-  Sim3d Inverse() const {
-    Sim3d inverse;
-    inverse.scale = 1.0 / scale;
-    inverse.rotation = rotation.conjugate();
-    inverse.translation = -inverse.scale * (inverse.rotation * translation);
-    return inverse;
-  }
+  Eigen::Vector3d operator*(const Eigen::Vector3d& x) const;
+  Sim3d Inverse() const;
   // Pose of a camera in the new frame: cam_from_new for this = new_from_old. The camera frame keeps
   // unit scale, so the translation is multiplied by the scale.
-  Rigid3d TransformPose(const Rigid3d& cam_from_old) const {
-    const Eigen::Quaterniond r = cam_from_old.rotation.normalized() * rotation.conjugate();
-    return {r, scale * cam_from_old.translation - r * translation};
-  }
+  Rigid3d TransformPose(const Rigid3d& cam_from_old) const;
 };
 
 // Rotation by |w| radians about w.
-inline Eigen::Quaterniond ExpRotation(const Eigen::Vector3d& w) {
-  const double angle = w.norm();
-  const double half = 0.5 * angle;
-  // sin(a/2)/a from its series where the quotient would be 0/0.
-  const double k = angle > 1e-8 ? std::sin(half) / angle : 0.5 - angle * angle / 48.0;
-  return Eigen::Quaterniond(std::cos(half), k * w.x(), k * w.y(), k * w.z());
-}
-
+Eigen::Quaterniond ExpRotation(const Eigen::Vector3d& w);
 // Inverse of ExpRotation, |w| <= pi.
-inline Eigen::Vector3d LogRotation(const Eigen::Quaterniond& rotation) {
-  Eigen::Quaterniond q = rotation.normalized();
-  if (q.w() < 0) q.coeffs() = -q.coeffs();
-  const double s = q.vec().norm();
-  if (s < 1e-12) return 2.0 * q.vec();
-  return 2.0 * std::atan2(s, q.w()) / s * q.vec();
-}
+Eigen::Vector3d LogRotation(const Eigen::Quaterniond& rotation);
 
 }  // namespace holba
