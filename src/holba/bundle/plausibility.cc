@@ -20,8 +20,8 @@ constexpr double kMaxMedianPx = 100.0;
 // Rays that meet at less say nothing about depth.
 constexpr double kMinMedianAngleDeg = 0.1;
 constexpr size_t kAngleSample = 10000;
-// A wide fisheye lens sees to 110 degrees or so from its axis.
-constexpr double kMaxFisheyeAngleDeg = 120.0;
+// The widest lenses see to 120 degrees or so from their axis.
+constexpr double kMaxLensAngleDeg = 120.0;
 
 using PoseMap = std::function<Rigid3d(const Rigid3d&)>;
 
@@ -31,7 +31,7 @@ ReprojectionCheck CheckWith(const Reconstruction& model, const PoseMap& pose_of)
     Eigen::Vector3d translation, centre;
     const Camera* camera;
     const Image* image;
-    bool is_fisheye;
+    bool is_wide;  // of a model that sees beyond 90 degrees from its axis
   };
   std::vector<View> views;
   IdMap<image_t, uint32_t> view_idx;
@@ -40,9 +40,9 @@ ReprojectionCheck CheckWith(const Reconstruction& model, const PoseMap& pose_of)
     const Camera& camera = model.cameras.at(image.camera_id);
     view_idx.Add(id, static_cast<uint32_t>(views.size()));
     views.push_back({pose.RotationMatrix(), pose.translation, pose.OriginInA(), &camera, &image,
-                     camera.model->name.find("FISHEYE") != std::string_view::npos});
+                     camera.model->max_angle != nullptr});
   }
-  const double min_fisheye_cosine = std::cos(DegToRad(kMaxFisheyeAngleDeg));
+  const double min_lens_cosine = std::cos(DegToRad(kMaxLensAngleDeg));
   const size_t stride = 1 + model.points3D.size() / kAngleSample;
   ReprojectionCheck check;
   check.num_points = model.points3D.size();
@@ -59,8 +59,8 @@ ReprojectionCheck CheckWith(const Reconstruction& model, const PoseMap& pose_of)
       Eigen::Vector2d pixel;
       if (!view.camera->model->project(view.camera->params.data(), in_cam, &pixel)) {
         ++check.num_absent;
-        check.num_beyond_fisheye +=
-            view.is_fisheye && in_cam.z() < 0.0 && in_cam.z() > min_fisheye_cosine * in_cam.norm();
+        check.num_beyond_lens +=
+            view.is_wide && in_cam.z() < 0.0 && in_cam.z() > min_lens_cosine * in_cam.norm();
         continue;
       }
       residuals_px.push_back((pixel - view.image->points2D[observation.point2D_idx].xy).norm());
@@ -136,8 +136,8 @@ std::string AbsentText(const ReprojectionCheck& check) {
                      check.num_observations);
 }
 
-bool IsOfFisheye(const ReprojectionCheck& check) {
-  return 2 * check.num_beyond_fisheye > check.num_absent;
+bool IsOfWideLens(const ReprojectionCheck& check) {
+  return 2 * check.num_beyond_lens > check.num_absent;
 }
 
 }  // namespace
@@ -151,11 +151,11 @@ std::vector<std::string> DoubtsOf(const ReprojectionCheck& check, const Reconstr
   if (check.num_observations == 0) return doubts;
   const bool many_absent = PresentShare(check) < 1.0 - kMaxAbsentShare;
   const bool is_far_off = check.median_px > kMaxMedianPx;
-  if (many_absent && IsOfFisheye(check) && !is_far_off) {
+  if (many_absent && IsOfWideLens(check) && !is_far_off) {
     doubts.push_back(
         fmt::format("{} of {} observations count nothing: they lie at 90 deg or more from the axis "
-                    "of a fisheye camera, where neither COLMAP nor holba can project; mask the rim "
-                    "of the photographs if the lens does not see so far",
+                    "of a fisheye camera whose parameters end before; calibrate it with points as "
+                    "far out as that, or mask the rim of the photographs",
                     check.num_absent, check.num_observations));
   } else if (many_absent) {
     doubts.push_back(

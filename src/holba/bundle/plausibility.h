@@ -20,8 +20,9 @@ struct ReprojectionCheck {
   size_t num_points = 0;
   size_t num_observations = 0;
   size_t num_absent = 0;  // the point has no image: it is behind the camera
-  // Of the absent: a fisheye camera that would see the point at 90 to 120 degrees from its axis.
-  size_t num_beyond_fisheye = 0;
+  // Of the absent: a camera of a model with MaxAngle (camera_model.h) that would see the point at
+  // 90 to 120 degrees from its axis, further than its parameters reach.
+  size_t num_beyond_lens = 0;
   double median_px = 0.0;         // of the present residuals
   double median_angle_deg = 0.0;  // over points, at which the rays meet; of a sample of them
 };

@@ -83,8 +83,19 @@ TEST(Plausibility, DoubtsCamerasInOnePlace) {
   EXPECT_THAT(Doubts(Scene(1e-2).model), IsEmpty());
 }
 
-TEST(Plausibility, ExplainsWhatAFisheyeSeesBesideIt) {
-  ModelMaker maker("OPENCV_FISHEYE", {300, 300, 500, 480, 0, 0, 0, 0});
+TEST(Plausibility, AFisheyeSeesWhatIsBesideIt) {
+  ModelMaker maker("OPENCV_FISHEYE", {300, 300, 500, 480, 0.01, 0, 0, 0});
+  for (int i = 0; i < 4; ++i) maker.AddImage({0.5 * i, 0, 0}, {0.5 * i, 0.2, 5});
+  maker.Finish();
+  // To 100 degrees from the axes.
+  for (int k = 0; k < 8; ++k) maker.AddPoint({20.0, 0.7 * k - 3.0, -3.5}, {1, 2, 3, 4});
+  EXPECT_EQ(CheckReprojections(maker.model).num_absent, 0u);
+  EXPECT_THAT(Doubts(maker.model), IsEmpty());
+}
+
+TEST(Plausibility, ExplainsWhatIsBeyondTheParametersOfAFisheye) {
+  // Beyond 88 degrees from the axis rays come nearer to the centre again.
+  ModelMaker maker("OPENCV_FISHEYE", {300, 300, 500, 480, -0.14, 0, 0, 0});
   for (int i = 0; i < 4; ++i) maker.AddImage({0.5 * i, 0, 0}, {0.5 * i, 0.2, 5});
   maker.Finish();
   Random random(2);

@@ -52,6 +52,9 @@ std::vector<Eigen::Vector3d> PointsInView() {
 }
 
 template <typename Model>
+constexpr bool kHasMaxAngle = requires(const double* params) { Model::MaxAngle(params); };
+
+template <typename Model>
 struct Jacobians {
   Eigen::Vector2d pixel;
   RowMajor<2, 3> d_point;
@@ -85,6 +88,33 @@ class CameraContract : public ::testing::Test {
     }
   }
 
+  // With points beyond 90 degrees from the axis of cameras that see these, too.
+  template <typename Check>
+  void ForEachCameraAndSeenPoint(const Check& check) const {
+    ForEachCameraAndPoint(check);
+    if constexpr (kHasMaxAngle<Model>) {
+      for (const Params& params : examples_) {
+        const double max_angle = Model::MaxAngle(params.data());
+        for (const double angle_deg :
+             {80.0, 89.93, 89.95, 90.0, 90.05, 95.0, 120.0, 150.0, 174.0}) {
+          const double angle = DegToRad(angle_deg);
+          if (angle_deg > 89.0 && angle > 0.97 * max_angle) continue;
+          if (angle_deg < 89.0 && angle > max_angle) continue;
+          for (int turn = 0; turn < 5; ++turn) {
+            const double around = 0.2 + turn * 2.0 * M_PI / 5;
+            const Eigen::Vector3d X =
+                (0.5 + turn) * Eigen::Vector3d(std::sin(angle) * std::cos(around),
+                                               std::sin(angle) * std::sin(around), std::cos(angle));
+            SCOPED_TRACE(::testing::Message() << "parameters " << ::testing::PrintToString(params)
+                                              << " at " << angle_deg << " degrees");
+            check(params, X);
+            if (this->HasFatalFailure()) return;
+          }
+        }
+      }
+    }
+  }
+
   static Jacobians<Model> HandWritten(const Params& params, const Eigen::Vector3d& X) {
     Jacobians<Model> J;
     EXPECT_TRUE(Model::ProjectWithJacobian(params.data(), X, &J.pixel, J.d_point.data(),
@@ -104,7 +134,7 @@ double RelativeError(const A& a, const B& b) {
 TYPED_TEST_SUITE(CameraContract, ToTestTypes<CameraModels>::type, ModelName);
 
 TYPED_TEST(CameraContract, UnprojectInvertsProject) {
-  this->ForEachCameraAndPoint([](const auto& params, const Eigen::Vector3d& X) {
+  this->ForEachCameraAndSeenPoint([](const auto& params, const Eigen::Vector3d& X) {
     Eigen::Vector2d pixel;
     ASSERT_TRUE(TypeParam::Project(params.data(), X, &pixel));
     const std::optional<Eigen::Vector3d> ray = TypeParam::Unproject(params.data(), pixel);
@@ -134,7 +164,7 @@ TYPED_TEST(CameraContract, ProjectInvertsUnproject) {
 }
 
 TYPED_TEST(CameraContract, ProjectionDependsOnTheDirectionOnly) {
-  this->ForEachCameraAndPoint([](const auto& params, const Eigen::Vector3d& X) {
+  this->ForEachCameraAndSeenPoint([](const auto& params, const Eigen::Vector3d& X) {
     Eigen::Vector2d near, far;
     ASSERT_TRUE(TypeParam::Project(params.data(), X, &near));
     ASSERT_TRUE(TypeParam::Project(params.data(), Eigen::Vector3d(37.0 * X), &far));
@@ -148,7 +178,7 @@ TYPED_TEST(CameraContract, ProjectionDependsOnTheDirectionOnly) {
 TYPED_TEST(CameraContract, JacobiansAgreeWithDualNumbers) {
   constexpr int N = TypeParam::kNumParams;
   using D = Dual<3 + N>;
-  this->ForEachCameraAndPoint([](const auto& params, const Eigen::Vector3d& X) {
+  this->ForEachCameraAndSeenPoint([](const auto& params, const Eigen::Vector3d& X) {
     std::array<D, N> p;
     Vector3<D> x;
     for (int i = 0; i < 3; ++i) x[i] = D::Variable(X[i], i);
@@ -170,7 +200,7 @@ TYPED_TEST(CameraContract, JacobiansAgreeWithDualNumbers) {
 
 TYPED_TEST(CameraContract, JacobiansAgreeWithCentralDifferences) {
   constexpr int N = TypeParam::kNumParams;
-  this->ForEachCameraAndPoint([](const auto& params, const Eigen::Vector3d& X) {
+  this->ForEachCameraAndSeenPoint([](const auto& params, const Eigen::Vector3d& X) {
     const auto difference = [&](const auto& project_at, double step) -> Eigen::Vector2d {
       Eigen::Vector2d above, below;
       EXPECT_TRUE(project_at(step, &above) && project_at(-step, &below));
@@ -202,7 +232,7 @@ TYPED_TEST(CameraContract, JacobiansAgreeWithCentralDifferences) {
 }
 
 TYPED_TEST(CameraContract, ProjectAndItsJacobianFormAgree) {
-  this->ForEachCameraAndPoint([](const auto& params, const Eigen::Vector3d& X) {
+  this->ForEachCameraAndSeenPoint([](const auto& params, const Eigen::Vector3d& X) {
     Eigen::Vector2d plain, with_jacobian;
     ASSERT_TRUE(TypeParam::Project(params.data(), X, &plain));
     ASSERT_TRUE(TypeParam::ProjectWithJacobian(params.data(), X, &with_jacobian, nullptr, nullptr));
@@ -212,7 +242,7 @@ TYPED_TEST(CameraContract, ProjectAndItsJacobianFormAgree) {
 
 TYPED_TEST(CameraContract, TheTableHoldsTheFunctionsOfTheModel) {
   const CameraModel& table = *this->Table();
-  this->ForEachCameraAndPoint([&](const auto& params, const Eigen::Vector3d& X) {
+  this->ForEachCameraAndSeenPoint([&](const auto& params, const Eigen::Vector3d& X) {
     Eigen::Vector2d direct, through_table, with_jacobian;
     ASSERT_TRUE(TypeParam::Project(params.data(), X, &direct));
     ASSERT_TRUE(table.project(params.data(), X, &through_table));
@@ -224,7 +254,42 @@ TYPED_TEST(CameraContract, TheTableHoldsTheFunctionsOfTheModel) {
   });
 }
 
-TYPED_TEST(CameraContract, PointsBehindTheCameraHaveAnImageOnlyOnTheSphere) {
+TYPED_TEST(CameraContract, ModelsWithMaxAngleSeeToItAndNoFurther) {
+  EXPECT_EQ(this->Table()->max_angle != nullptr, kHasMaxAngle<TypeParam>);
+  if constexpr (kHasMaxAngle<TypeParam>) {
+    double widest = 0.0;
+    for (const auto& params : this->examples_) {
+      const double max_angle = TypeParam::MaxAngle(params.data());
+      EXPECT_EQ(this->Table()->max_angle(params.data()), max_angle);
+      widest = std::max(widest, max_angle);
+      double last_px = 0.0;
+      for (int degrees = 1; degrees < 180; ++degrees) {
+        const double angle = DegToRad(degrees);
+        const Eigen::Vector3d X(std::sin(angle), 0.0, std::cos(angle));
+        Eigen::Vector2d pixel;
+        const bool is_seen = TypeParam::Project(params.data(), X, &pixel);
+        EXPECT_EQ(is_seen, degrees < 90 || angle <= max_angle) << degrees;
+        EXPECT_EQ(TypeParam::ProjectWithJacobian(params.data(), X, &pixel, nullptr, nullptr),
+                  is_seen);
+        if (!is_seen || angle > max_angle) continue;
+        // One pixel belongs to one ray: further out with every degree.
+        const double distance_px = std::abs(pixel.x() - TypeParam::Calibration(params.data()).cx);
+        EXPECT_GT(distance_px, last_px) << degrees;
+        last_px = distance_px;
+      }
+      // Right behind, and at the centre, there is no direction.
+      for (const Eigen::Vector3d& X : {Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0, 0, 0)}) {
+        Eigen::Vector2d pixel;
+        EXPECT_FALSE(TypeParam::Project(params.data(), X, &pixel));
+        EXPECT_FALSE(TypeParam::ProjectWithJacobian(params.data(), X, &pixel, nullptr, nullptr));
+      }
+    }
+    EXPECT_GT(widest, DegToRad(95.0));
+  }
+}
+
+TYPED_TEST(CameraContract, PointsBehindTheCameraHaveAnImageOnlyInFisheyesAndOnTheSphere) {
+  if (kHasMaxAngle<TypeParam>) return;
   const bool sees_behind = TypeParam::kName == "EQUIRECTANGULAR";
   this->ForEachCameraAndPoint([sees_behind](const auto& params, const Eigen::Vector3d& X) {
     if (sees_behind && X.head<2>().norm() < 1e-3) return;  // the origin, for z = 0

@@ -16,6 +16,16 @@
 namespace holba {
 namespace {
 
+// Null: a model without MaxAngle.
+template <typename Model>
+constexpr auto MaxAngleOf() -> double (*)(const double*) {
+  if constexpr (requires(const double* params) { Model::MaxAngle(params); }) {
+    return &Model::MaxAngle;
+  } else {
+    return nullptr;
+  }
+}
+
 template <typename Model>
 constexpr CameraModel Describe() {
   return {Model::kModelId,
@@ -29,7 +39,8 @@ constexpr CameraModel Describe() {
           &Model::template Project<double>,
           &Model::ProjectWithJacobian,
           &Model::Unproject,
-          &Model::Calibration};
+          &Model::Calibration,
+          MaxAngleOf<Model>()};
 }
 
 template <typename... Models>

@@ -20,6 +20,9 @@
 //                                                   const Eigen::Vector2d& pixel);
 //   static constexpr bool kIsPinhole;                  // pixels are ideal pixels
 //   static IdealCalibration Calibration(const double* params);
+// Optional, of lenses that see beyond 90 degrees from their axis:
+//   // How far from the axis points have an image with these parameters, radians.
+//   static double MaxAngle(const double* params);
 // and one line in the list of camera_models.h or, for one whose formulas are templates on packs,
 // too, of vectorised_models.h. A model is perspective-like if straight lines stay
 // straight in its ideal pixels (K applied to (x/z, y/z)); every model offers that K from its
@@ -61,6 +64,7 @@ struct CameraModel {
                                 Eigen::Vector2d* pixel, double* d_point, double* d_params);
   std::optional<Eigen::Vector3d> (*unproject)(const double* params, const Eigen::Vector2d& pixel);
   IdealCalibration (*ideal_calibration)(const double* params);
+  double (*max_angle)(const double* params);  // null: a model without MaxAngle
 };
 
 // Null: unknown.

@@ -11,6 +11,10 @@
 //   // Optional, where a closed form exists (otherwise undistortion.h inverts it): the inverse.
 //   static std::optional<Eigen::Vector2d> Undistort(const double* k, const Eigen::Vector2d&
 //   distorted);
+//   // Optional, of lenses on the equidistant plane that see beyond 90 degrees: d(distance from the
+//   centre) / d(theta) of the radial part,
+//   // s = theta^2.
+//   static double RadialSlope(const double* k, double s);
 // The plane is the normalised one (x/z, y/z) or the equidistant one (lens_camera.h). Lengths are in
 // focal lengths; formulas are COLMAP's.
 #pragma once
@@ -47,6 +51,12 @@ HOLBA_SIMD_INLINE T RadialPolynomialDerivative(const T* k, const T& s) {
   T sum{};
   for (int i = N - 1; i >= 0; --i) sum = sum * s + static_cast<double>(i + 1) * k[i];
   return sum;
+}
+
+// d(t (1 + k[0] s + ... + k[N - 1] s^N)) / dt, s = t^2.
+template <int N>
+double RadialPolynomialSlope(const double* k, double s) {
+  return 1.0 + RadialPolynomial<N>(k, s) + 2.0 * s * RadialPolynomialDerivative<N>(k, s);
 }
 
 // (u, v) * factor(s), s = u^2 + v^2, d_factor = factor'(s).
@@ -90,6 +100,8 @@ HOLBA_SIMD_INLINE void AddTangential(T a, T b, int a_idx, int b_idx, T u, T v,
 template <int N>
 struct RadialDistortion {
   static constexpr int kNumParams = N;
+
+  static double RadialSlope(const double* k, double s) { return RadialPolynomialSlope<N>(k, s); }
 
   template <typename T>
   static HOLBA_SIMD_INLINE bool Distort(const T* k, const T& u, const T& v, T* ud, T* vd) {

@@ -15,6 +15,11 @@ namespace holba {
 struct ThinPrismDistortion {
   static constexpr int kNumParams = 8;
 
+  static double RadialSlope(const double* k, double s) {
+    const double radial[4] = {k[0], k[1], k[4], k[5]};
+    return RadialPolynomialSlope<4>(radial, s);
+  }
+
   template <typename T>
   static bool Distort(const T* k, const T& u, const T& v, T* ud, T* vd) {
     const T s = u * u + v * v;
