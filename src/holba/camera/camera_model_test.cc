@@ -249,11 +249,12 @@ TEST(CameraModels, PixelsOutsideTheReachOfTheLensHaveNoRay) {
   EXPECT_TRUE(radial->unproject(barrel, {70.0, 0}).has_value());
   EXPECT_FALSE(radial->unproject(barrel, {70.5, 0}).has_value());
   EXPECT_FALSE(radial->unproject(barrel, {0, 200}).has_value());
-  // 90 degrees is at f pi/2 = 157.08.
+  // 90 degrees is at f pi/2 = 157.08, 180 at 314.16.
   const CameraModel* fisheye = FindCameraModel("SIMPLE_FISHEYE");
   const double equidistant[] = {100, 0, 0};
-  EXPECT_TRUE(fisheye->unproject(equidistant, {157.0, 0}).has_value());
-  EXPECT_FALSE(fisheye->unproject(equidistant, {157.1, 0}).has_value());
+  EXPECT_GT(fisheye->unproject(equidistant, {157.0, 0}).value().z(), 0.0);
+  EXPECT_LT(fisheye->unproject(equidistant, {157.1, 0}).value().z(), 0.0);
+  EXPECT_FALSE(fisheye->unproject(equidistant, {314.2, 0}).has_value());
   EXPECT_FALSE(fisheye->unproject(equidistant, {700, 0}).has_value());
   // omega r_d < pi/2.
   const CameraModel* fov = FindCameraModel("FOV");

@@ -48,6 +48,8 @@ TEST_F(DatabasePriors, ADatabaseWithoutTheirTableTakesNone) {
   Database database(path_);
   AddImages(1, &database);
   database.Execute("DROP TABLE pose_priors");
+  for (const char* column : {"prior_tx", "prior_ty", "prior_tz"})
+    database.Execute(std::string("ALTER TABLE images DROP COLUMN ") + column);
   PosePrior prior;
   prior.position = Eigen::Vector3d(1, 2, 3);
   database.WritePosePrior(1, 1, prior);
@@ -71,10 +73,8 @@ TEST_F(DatabasePriors, OlderVersionsOfTheTableAndOfTheImagesAreRead) {
   ASSERT_EQ(priors.size(), 1u);
   EXPECT_EQ(priors.at(2).position, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(priors.at(2).system, PosePrior::System::kWgs84);
-  // Up to 3.8.
+  // Up to 3.8: columns of the images, which our databases have for its sake, too.
   database.Execute("DROP TABLE pose_priors");
-  for (const char* column : {"prior_tx", "prior_ty", "prior_tz"})
-    database.Execute(std::string("ALTER TABLE images ADD COLUMN ") + column + " REAL");
   database.Execute(
       "UPDATE images SET prior_tx = 4, prior_ty = 5, prior_tz = 6.5 WHERE image_id = 3");
   priors = database.ReadPosePriors();

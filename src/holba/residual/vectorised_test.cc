@@ -105,7 +105,8 @@ std::vector<double> ParamsOf(std::string_view model, double f) {
   if (model == "SIMPLE_RADIAL") return {f, 500, 480, -0.1};
   if (model == "RADIAL") return {f, 500, 480, -0.1, 0.03};
   if (model == "OPENCV") return {f, 1.1 * f, 500, 480, -0.1, 0.02, 0.001, -0.002};
-  if (model == "OPENCV_FISHEYE") return {f, 1.1 * f, 500, 480, 0.02, -0.01, 0.003, 0.001};
+  // It sees to 109 degrees from its axis.
+  if (model == "OPENCV_FISHEYE") return {f, 1.1 * f, 500, 480, 0.02, -0.01, 0.003, -0.001};
   return {f, 1.1 * f, 500, 480, -0.1, 0.02, 0.001, -0.002, 0.01, 0.02, -0.01, 0.005};
 }
 
@@ -139,9 +140,8 @@ class CaseBuilder {
   }
 
   Case Point() {
-    return Make(PointResidual{&model_}, {3, 6, model_.num_params}, points_, {}, [this](size_t i) {
-      return PointResidual::Datum{Pixel(), Sensor(i)};
-    });
+    return Make(PointResidual{&model_}, {3, 6, model_.num_params}, points_, {},
+                [this](size_t i) { return PointResidual::Datum{Pixel(), Sensor(i)}; });
   }
   Case GroupPoint(const GroupType& type) {
     return Make(GroupPointResidual{&model_, &type}, {3, 6, model_.num_params, 3}, points_, planes_,
@@ -160,10 +160,9 @@ class CaseBuilder {
                 [this](size_t i) { return Segment(i); });
   }
   Case WireframeLine() {
-    return Make(WireframeLineResidual{{&model_, false}}, {4, 6, model_.num_params}, lines_, {},
-                [this](size_t i) {
-                  return WireframeLineResidual::Datum{Observation(i), Sensor(i)};
-                });
+    return Make(
+        WireframeLineResidual{{&model_, false}}, {4, 6, model_.num_params}, lines_, {},
+        [this](size_t i) { return WireframeLineResidual::Datum{Observation(i), Sensor(i)}; });
   }
   Case ParallelLine(const GroupType& type) {
     auto batch = std::make_unique<KernelBatch<VanishingPointResidual>>(

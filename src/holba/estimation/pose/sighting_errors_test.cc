@@ -146,7 +146,7 @@ TEST(PoseEvidence, GainOfRaysIsThatOfPixelsWhereSightingsAgree) {
     const double fast = evidence.GainOf(view.cam_from_world, noise, gain, -1.0);
     const double exact =
         evidence.GainOf(view.cam_from_world, view.camera.params, noise, gain, -1.0);
-    EXPECT_GT(exact, 40.0);
+    EXPECT_GT(exact, 35.0);  // of the 51 that are right
     EXPECT_NEAR(fast, exact, 0.5);
     EXPECT_EQ(evidence.GainOf(view.cam_from_world, noise, gain, fast + 1e-9), -1.0);
     EXPECT_EQ(evidence.GainOf(view.cam_from_world, noise, gain, fast - 1e-6), fast);
