@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <Eigen/QR>
 #include <cmath>
 #include <limits>
 
@@ -83,6 +84,22 @@ inline void ExpectTheSameElsewhere(const Sim3d& there_from_here, const Located& 
     const double rounding = 4e-15 * offset * offset * of_rotation.norm();
     EXPECT_LE((of_centre - there_too).norm(), relative * of_centre.norm() + rounding)
         << "frame " << id;
+  }
+  // Of parameters in files, by the parameters that vary: those of here, moved there.
+  ASSERT_EQ(a.groups.size(), b.groups.size());
+  for (const auto& [id, C] : a.groups) {
+    const Group3D& group = here.model.groups3D.at(id);
+    const int rows = group.type->num_file_params, tangent = group.type->manifold->tangent;
+    RowMajor<Eigen::Dynamic, Eigen::Dynamic> from(rows, tangent), to(rows, tangent);
+    group.type->file_jacobian(Sim3d(), group.params.data(), from.data());
+    group.type->file_jacobian(there_from_here, group.params.data(), to.data());
+    const Eigen::MatrixXd J = to * from.completeOrthogonalDecomposition().pseudoInverse();
+    const Eigen::MatrixXd expected = J * C * J.transpose(), found = factor * b.groups.at(id);
+    const Eigen::VectorXd sigmas = expected.diagonal().cwiseMax(0.0).cwiseSqrt();
+    const Eigen::MatrixXd excess =
+        (expected - found).cwiseAbs() - relative * sigmas * sigmas.transpose();
+    EXPECT_LE(excess.maxCoeff(), 1e-12 * expected.diagonal().maxCoeff())
+        << group.type->name << " " << id;
   }
 }
 
