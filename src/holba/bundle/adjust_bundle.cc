@@ -110,7 +110,8 @@ class Adjuster {
   void GateAssociations() {
     for (int round = 0; round < options_.gate_rounds && !stopped_; ++round) {
       const BundleProblem features = EstimateFeatures(round);
-      TakeAssociations(TestAssociations(model_, selection_, features, options_.gate_confidence));
+      TakeAssociations(
+          TestAssociations(model_, selection_, features, round > 0, options_.gate_confidence));
       if (round + 1 == options_.gate_rounds) break;
       BundleProblem all = Build();
       AnnealAndSolve(Short(), &all.problem);

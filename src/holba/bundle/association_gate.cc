@@ -14,6 +14,7 @@
 #include "holba/base/check.h"
 #include "holba/bundle/adjust_bundle.h"
 #include "holba/bundle/bundle_problem.h"
+#include "holba/bundle/coherent_scatter.h"
 #include "holba/bundle/flat_index.h"
 #include "holba/geometry/angle.h"
 #include "holba/residual/group_line_3d.h"
@@ -33,6 +34,10 @@ constexpr double kMinShare = 0.25;
 // members scatter by chance.
 constexpr double kPriorMembers = 10.0;
 constexpr int kMaxHalvings = 6;
+// Where neighbours are off the group together; a plane that is two is worth nothing.
+constexpr int kMaxCoherentHalvings = 12;
+// Of the deviation of lines from parallel: to 0.025 degrees, which straight edges have.
+constexpr int kMaxDoublings = 5;
 constexpr int kMaxSamples = 200;
 constexpr double kSampleConfidence = 0.999;
 // A line has four unknowns: so many of its offsets from a group are independent at most.
@@ -129,8 +134,9 @@ double MeanSquareOfPassed(double variance, double confidence) {
 
 class Tester {
  public:
-  Tester(const Reconstruction& model, const BundleProblem& features, double confidence)
-      : model_(model), confidence_(confidence) {
+  Tester(const Reconstruction& model, const BundleProblem& features, bool cameras_know_structure,
+         double confidence)
+      : model_(model), cameras_know_structure_(cameras_know_structure), confidence_(confidence) {
     for (int dof = 1; dof <= kMaxDegreesOfFreedom; ++dof) {
       max_chi_square_[dof] = ChiSquareQuantile(confidence, dof);
     }
@@ -210,7 +216,8 @@ class Tester {
 
   // The two angles between a line and the direction of its vanishing point.
   static Offset OffsetFromDirection(const GroupType& type, const double* g,
-                                    const LineEstimate& line) {
+                                    const LineEstimate& line,
+                                    double parallel_sigma_rad = kParallelSigmaRad) {
     Eigen::Vector3d v;
     double unused[3 * kMaxGroupParams];
     type.direction(g, &v, unused);
@@ -218,7 +225,7 @@ class Tester {
     const Eigen::Vector3d towards = v.dot(line.direction) < 0 ? Eigen::Vector3d(-v) : v;
     UnitVector3::Minus(towards.data(), line.direction.data(), angles);
     Eigen::Matrix2d covariance = line.covariance.topLeftCorner<2, 2>();
-    covariance.diagonal().array() += kParallelSigmaRad * kParallelSigmaRad;
+    covariance.diagonal().array() += parallel_sigma_rad * parallel_sigma_rad;
     const Eigen::Vector2d e(angles[0], angles[1]);
     return {e.dot(covariance.ldlt().solve(e)), 2};
   }
@@ -342,6 +349,28 @@ class Tester {
     if (fit) std::copy_n(fit->g.data(), type.manifold->ambient, g);
   }
 
+  // Lines of one vanishing point count as much as they are parallel: most are so to a tenth of what
+  // the weight stands for. The greatest deviation that the lines which pass do not rule out (95 %).
+  int HalvingsOfParallel(const GroupType& type, const double* g, const Members& members) const {
+    double log_likelihoods[kMaxDoublings + 1], greatest = -HUGE_VAL;
+    for (int k = 0; k <= kMaxDoublings; ++k) {
+      const double sigma = std::ldexp(kParallelSigmaRad, -k);
+      double sum = 0.0;
+      for (const auto& [id, line] : members.lines) {
+        if (!(ShareOfBound(OffsetFromDirection(type, g, *line, kParallelSigmaRad)) < 1.0)) continue;
+        Eigen::Matrix2d covariance = line->covariance.topLeftCorner<2, 2>();
+        covariance.diagonal().array() += sigma * sigma;
+        sum -= 0.5 * (OffsetFromDirection(type, g, *line, sigma).chi_square +
+                      std::log(covariance.determinant()));
+      }
+      log_likelihoods[k] = sum;
+      greatest = std::max(greatest, sum);
+    }
+    int k = 0;
+    while (log_likelihoods[k] < greatest - 0.5 * max_chi_square_parallel_) ++k;
+    return -2 * k;
+  }
+
   void TestGroup(const SelectedGroup& selected) {
     const group3D_t id = selected.id;
     const Group3D& group = model_.groups3D.at(id);
@@ -377,8 +406,17 @@ class Tester {
       }
       return passes;
     };
+    std::vector<MemberOffset> offsets;  // of the accepted points
     for (const auto& [point_id, point] : members.points) {
-      if (!test(OffsetOf(type, g, *point), " points")) report_.filter.points.emplace(id, point_id);
+      const Offset offset = OffsetOf(type, g, *point);
+      if (!test(offset, " points")) {
+        report_.filter.points.emplace(id, point_id);
+      } else if (cameras_know_structure_) {
+        Eigen::Vector3d on_group;
+        type.project_point(g, point->X, &on_group);
+        offsets.push_back(
+            {point->X, std::sqrt(offset.chi_square) * (point->X - on_group).normalized()});
+      }
     }
     for (const auto& [line_id, line] : members.lines) {
       if (!test(OffsetOf(type, g, *line), " lines")) report_.filter.lines.emplace(id, line_id);
@@ -390,11 +428,24 @@ class Tester {
       ++report_.groups_dropped;
       return;
     }
+    if (type.IsParallelism()) {
+      const int halvings = HalvingsOfParallel(type, g, members);
+      if (halvings != 0) report_.filter.halvings[id] = halvings;
+      std::vector<double>& params = report_.group_params[id];
+      params.resize(type.num_file_params);
+      type.to_file(g, params.data());
+      return;
+    }
     const double mean_square =
         (sum_squares + kPriorMembers * MeanSquareOfPassed(1.0, confidence_)) /
         (static_cast<double>(accepted) + kPriorMembers);
     const double variance = VarianceOfPassed(mean_square, confidence_);
-    const int halvings = std::min(kMaxHalvings, static_cast<int>(std::lround(std::log2(variance))));
+    const auto halvings_of = [](double factor, int most) {
+      return std::min(most, static_cast<int>(std::lround(std::log2(std::max(factor, 1.0)))));
+    };
+    const int halvings = std::max(
+        halvings_of(variance, kMaxHalvings),
+        halvings_of(CoherentVariance(type.manifold->tangent, &offsets), kMaxCoherentHalvings));
     if (halvings > 0) report_.filter.halvings[id] = halvings;
     std::vector<double>& params = report_.group_params[id];
     params.resize(type.num_file_params);
@@ -402,8 +453,10 @@ class Tester {
   }
 
   const Reconstruction& model_;
+  const bool cameras_know_structure_;
   const double confidence_;
   double max_chi_square_[kMaxDegreesOfFreedom + 1] = {};  // by degrees of freedom
+  const double max_chi_square_parallel_ = ChiSquareQuantile(0.95, 1);
   Estimates<PointEstimate> points_;
   Estimates<LineEstimate> lines_;
   AssociationReport report_;
@@ -447,8 +500,9 @@ double VarianceOfPassed(double mean_square, double confidence) {
 }
 
 AssociationReport TestAssociations(const Reconstruction& model, const BundleSelection& selection,
-                                   const BundleProblem& features, double confidence) {
-  return Tester(model, features, confidence).Run(selection);
+                                   const BundleProblem& features, bool cameras_know_structure,
+                                   double confidence) {
+  return Tester(model, features, cameras_know_structure, confidence).Run(selection);
 }
 
 }  // namespace holba

@@ -26,7 +26,8 @@ struct AssociationFilter {
   std::set<std::pair<point3D_t, line3D_t>> edges;
   std::set<group3D_t> groups;  // with all their members and relations
   // Members of a group count 2^-halvings: they scatter more than their noise explains (walls are
-  // not flat to a tenth of a pixel). Missing: 0.
+  // not flat to a tenth of a pixel) or, below 0, are more parallel than their weight says. Missing:
+  // 0.
   std::map<group3D_t, int> halvings;
 };
 
@@ -50,9 +51,13 @@ struct AssociationReport {
 // covariances follow from its Jacobians with the cameras held and the noise measured from its
 // residuals. Groups are re-estimated by RANSAC on distances in standard deviations (the model's own
 // parameters being one hypothesis). Repeatable.
-// `confidence`: share of the right associations that passes.
+// `cameras_know_structure`: whether the cameras were adjusted to the groups already. What members
+// side by side have in common is counted only then (coherent_scatter.h): before, cameras that are a
+// little off bend the features of their part of the scene together, which is what groups are to
+// mend. `confidence`: share of the right associations that passes.
 AssociationReport TestAssociations(const Reconstruction& model, const BundleSelection& selection,
-                                   const BundleProblem& features, double confidence = 0.99);
+                                   const BundleProblem& features, bool cameras_know_structure,
+                                   double confidence = 0.99);
 
 // Variance of a normal distribution, in units of the one assumed (at least 1), of which the values
 // that pass a test at `confidence` have this mean square. What lies beyond the test, right or

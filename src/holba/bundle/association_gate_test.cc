@@ -60,7 +60,7 @@ Verdicts TestOn(const BundleProblemOptions& scene_options) {
   options.fix_poses = true;
   const BundleProblem features = BuildProblem(scene.perturbed, options);
   const AssociationReport report = TestAssociations(
-      scene.perturbed, BundleSelection::Everything(scene.perturbed, options), features);
+      scene.perturbed, BundleSelection::Everything(scene.perturbed, options), features, true);
 
   Verdicts verdicts;
   for (const auto& [id, group] : scene.perturbed.groups3D) {
@@ -140,7 +140,7 @@ TEST(AssociationGate, JudgesTypesThatProjectLinesOnlyAsPlanesOfLines) {
   for (auto& [id, group] : scene.perturbed.groups3D) group.point3D_ids.clear();
   const auto test = [&] {
     return TestAssociations(scene.perturbed, BundleSelection::Everything(scene.perturbed, options),
-                            features);
+                            features, true);
   };
   const AssociationReport planes = test();
   for (auto& [id, group] : scene.perturbed.groups3D) group.type = &TableOf<LinesInPlane>();
@@ -177,7 +177,7 @@ TEST(AssociationGate, RejectsWrongLinesOfVanishingPoints) {
   AdjustBundle(options, SolverOptions(), &scene.perturbed);
   const AssociationReport report =
       TestAssociations(scene.perturbed, BundleSelection::Everything(scene.perturbed, options),
-                       BuildProblem(scene.perturbed, options));
+                       BuildProblem(scene.perturbed, options), true);
   size_t wrong_passed = 0, right_passed = 0;
   for (size_t i = 0; i < group.line3D_ids.size(); ++i) {
     const bool passed = !report.filter.lines.contains({id, group.line3D_ids[i]});
@@ -185,6 +185,8 @@ TEST(AssociationGate, RejectsWrongLinesOfVanishingPoints) {
   }
   EXPECT_EQ(wrong_passed, 0u);
   EXPECT_GE(right_passed, num_right * 9 / 10);
+  // Those that pass are parallel to less than the 0.8 degrees that the weight stands for.
+  EXPECT_LE(report.filter.halvings.at(id), -2);
 }
 
 TEST(AssociationGate, DropsAGroupWhoseMembersHaveNothingInCommon) {
@@ -202,7 +204,7 @@ TEST(AssociationGate, DropsAGroupWhoseMembersHaveNothingInCommon) {
   AdjustBundle(options, SolverOptions(), &scene.perturbed);
   const AssociationReport report =
       TestAssociations(scene.perturbed, BundleSelection::Everything(scene.perturbed, options),
-                       BuildProblem(scene.perturbed, options));
+                       BuildProblem(scene.perturbed, options), true);
   EXPECT_TRUE(report.filter.groups.contains(id));
   EXPECT_GE(report.groups_dropped, 1u);
 }
@@ -227,7 +229,8 @@ TEST(VarianceOfPassed, IsThatOfTheWholeDistributionWhateverLiesBeyondTheTest) {
 
 // A plane of 200 points that lie off it by `roughness` (standard deviation), seen by 6 cameras with
 // 0.5 px of noise, and 50 wrong members far away, which do not matter.
-int HalvingsOfAPlane(double roughness) {
+// `step`: its middle half is so much farther away. `cameras_know_structure`: as TestAssociations.
+int HalvingsOfAPlane(double roughness, double step = 0.0, bool cameras_know_structure = true) {
   ModelMaker maker;
   Random random(11);
   std::vector<image_t> images;
@@ -239,8 +242,8 @@ int HalvingsOfAPlane(double roughness) {
   std::vector<point3D_t> members;
   for (int i = 0; i < 250; ++i) {
     const double z = i < 200 ? roughness * random.Normal() : 0.5 + 0.01 * (i - 200);
-    members.push_back(
-        maker.AddPoint({random.Uniform(-2.0, 2.0), random.Uniform(-2.0, 2.0), z}, images));
+    const double x = random.Uniform(-2.0, 2.0), y = random.Uniform(-2.0, 2.0);
+    members.push_back(maker.AddPoint({x, y, std::abs(x) < 1.0 ? z - step : z}, images));
   }
   const group3D_t plane = maker.AddGroup("PLANE", {0.0, 0.0, 1.0, 0.0}, members, {});
   for (auto& [id, image] : maker.model.images) {
@@ -256,7 +259,8 @@ int HalvingsOfAPlane(double roughness) {
   BundleProblem features = BuildProblem(maker.model, options);
   Solve(TightSolver(), &features.problem);
   const AssociationReport report =
-      TestAssociations(maker.model, BundleSelection::Everything(maker.model, options), features);
+      TestAssociations(maker.model, BundleSelection::Everything(maker.model, options), features,
+                       cameras_know_structure);
   EXPECT_FALSE(report.filter.groups.contains(plane));
   const auto it = report.filter.halvings.find(plane);
   return it == report.filter.halvings.end() ? 0 : it->second;
@@ -268,6 +272,13 @@ TEST(AssociationGate, WeighsAPlaneByTheScatterOfItsMembers) {
   const int some = HalvingsOfAPlane(0.004), much = HalvingsOfAPlane(0.008);
   EXPECT_GE(some, 1);
   EXPECT_GT(much, some);
+}
+
+TEST(AssociationGate, WeighsAPlaneByWhatNeighboursHaveInCommon) {
+  // Each half is a standard deviation off: the scatter alone is twice the noise, and the mean of 25
+  // points 26 times as large as that of independent ones.
+  EXPECT_LE(HalvingsOfAPlane(0.0, 0.008, false), 2);
+  EXPECT_GE(HalvingsOfAPlane(0.0, 0.008, true), 3);
 }
 
 // What the gate is for: strong weights stay safe under many wrong associations.

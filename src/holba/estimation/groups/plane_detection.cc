@@ -9,6 +9,7 @@
 #include "holba/estimation/groups/plane_merge.h"
 #include "holba/estimation/groups/plane_points.h"
 #include "holba/estimation/groups/plane_search.h"
+#include "holba/estimation/groups/plane_split.h"
 #include "holba/geometry/angle.h"
 #include "holba/group/known_types.h"
 #include "holba/robust/median.h"
@@ -72,11 +73,10 @@ std::vector<Eigen::Vector3d> NormalsOfVanishingPoints(const Reconstruction& mode
   return normals;
 }
 
-}  // namespace
-
-PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
+// Adds the planes among points that are on none yet.
+PlaneReport AddPlanes(const PlaneOptions& options, Reconstruction* model) {
   PlaneReport report;
-  std::vector<PlanePoint> eligible = EligiblePoints(options, *model, &report);
+  std::vector<PlanePoint> eligible = EligiblePoints(options, *model, false, &report);
   report.points_eligible = eligible.size();
   if (eligible.empty()) return report;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
@@ -104,6 +104,15 @@ PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
   }
   report.planes = planes.size();
   report.median_residual_px = Median(std::move(residuals));
+  return report;
+}
+
+}  // namespace
+
+PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
+  PlaneReport report = AddPlanes(options, model);
+  report.planes_split = SplitPlanes(options, model);
+  report.planes += report.planes_split;
   return report;
 }
 

@@ -47,7 +47,8 @@ struct PlaneReport {
   size_t points_eligible = 0;
   size_t planes_found = 0;  // connected sets of coplanar points
   size_t planes_merged = 0;
-  size_t planes = 0;  // added to the model
+  size_t planes_split = 0;  // planes of the model that were two, known ones included
+  size_t planes = 0;        // added to the model
   size_t points_on_planes = 0;
   // Planes whose normal is that of two vanishing points' directions or one vanishing point, to 3
   // degrees.
@@ -59,7 +60,8 @@ struct PlaneReport {
 
 // Adds a group PLANE, with its points and without observations, for each plane found. Points that
 // are members of a plane already take no part. The largest plane first; a point is on one plane at
-// most (those where planes meet are for AddPointsToPlanes).
+// most (those where planes meet are for AddPointsToPlanes). Planes that are two, also of those
+// known before, become two (plane_split.h), and lose their lines.
 PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model);
 
 }  // namespace holba

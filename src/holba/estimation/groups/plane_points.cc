@@ -21,7 +21,7 @@ constexpr size_t kGraphNeighbours = 10;
 }  // namespace
 
 std::vector<PlanePoint> EligiblePoints(const PlaneOptions& options, const Reconstruction& model,
-                                       PlaneReport* report) {
+                                       bool of_planes, PlaneReport* report) {
   const ViewMap views(model);
   report->sigma_px = MeasurePointSigmaPx(model, views).value_or(1.0);
   std::unordered_set<point3D_t> taken;
@@ -30,7 +30,7 @@ std::vector<PlanePoint> EligiblePoints(const PlaneOptions& options, const Recons
   }
   std::vector<PlanePoint> points;
   for (const auto& [id, point] : model.points3D) {
-    if (taken.contains(id)) continue;
+    if (taken.contains(id) != of_planes) continue;
     const std::optional<PointGeometry> geometry = GeometryOf(views, point);
     if (!geometry || geometry->num_images < static_cast<size_t>(options.min_images)) {
       ++report->dropped["point: few images"];

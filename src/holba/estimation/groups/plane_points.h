@@ -43,10 +43,10 @@ inline double AngleRad(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), std::abs(a.dot(b)));
 }
 
-// Points of enough images and angle that are on no plane yet, with the uncertainty that the noise
-// of all points gives them (report: sigma_px, what was dropped).
+// Points of enough images and angle that are on no plane yet (of planes: that are), with the
+// uncertainty that the noise of all points gives them (report: sigma_px, what was dropped).
 std::vector<PlanePoint> EligiblePoints(const PlaneOptions& options, const Reconstruction& model,
-                                       PlaneReport* report);
+                                       bool of_planes, PlaneReport* report);
 
 class PlanePoints {
  public:
