@@ -123,14 +123,30 @@ class PlaneSearch {
     return inliers_;
   }
 
-  FoundPlane LargestComponent(const PlaneParams& plane) {
+  // The largest set of free points on the plane that is connected to one of the seeds: its cost is
+  // that of the set. (On a street most fronts lie near the plane of any other.)
+  FoundPlane ComponentAround(const PlaneParams& plane, std::span<const uint32_t> seeds) {
     FoundPlane largest{plane, {}, 0.0};
-    ForEachComponent(plane, FreeInliers(plane), [&](size_t first, size_t last, double gain) {
-      if (gain <= largest.gain) return;
+    queue_.clear();
+    const auto take = [&](uint32_t i) {
+      if (mark_[i] != 0 || !is_free_[i] || !points_.IsWithinLimit(plane, i)) return;
+      mark_[i] = 1;
+      queue_.push_back(i);
+    };
+    for (const uint32_t seed : seeds) {
+      const size_t first = queue_.size();
+      take(seed);
+      double gain = 0.0;
+      for (size_t k = first; k < queue_.size(); ++k) {
+        gain += points_.Gain(plane, queue_[k]);
+        for (const uint32_t j : points_.Connected(queue_[k])) take(j);
+      }
+      if (gain <= largest.gain) continue;
       largest.gain = gain;
-      largest.members.assign(queue_.begin() + static_cast<std::ptrdiff_t>(first),
-                             queue_.begin() + static_cast<std::ptrdiff_t>(last));
-    });
+      largest.members.assign(queue_.begin() + static_cast<std::ptrdiff_t>(first), queue_.end());
+    }
+    for (const uint32_t i : queue_) mark_[i] = 0;
+    std::sort(largest.members.begin(), largest.members.end());
     return largest;
   }
 
@@ -191,7 +207,9 @@ class PlaneSearch {
     });
     hypotheses_.clear();
     for (size_t k = 0; k < samples.size(); ++k) {
-      if (samples[k]) hypotheses_.push_back({*samples[k], scores[k], scores[k]});
+      if (!samples[k]) continue;
+      hypotheses_.push_back(
+          {*samples[k], static_cast<uint32_t>(k / per_point), scores[k], scores[k]});
     }
   }
 
@@ -214,7 +232,7 @@ class PlaneSearch {
     FreePoints();
   }
 
-  // The plane whose largest connected set of free points has the greatest gain.
+  // The plane whose connected set of free points has the greatest gain.
   FoundPlane Best() {
     FoundPlane best;
     std::vector<uint32_t> order(hypotheses_.size());
@@ -225,12 +243,12 @@ class PlaneSearch {
     for (uint32_t k : order) {
       Hypothesis& hypothesis = hypotheses_[k];
       if (hypothesis.bound <= best.gain) break;
-      FoundPlane candidate = LargestComponent(hypothesis.plane);
+      FoundPlane candidate = ComponentAround(hypothesis.plane, {&hypothesis.seed, 1});
       hypothesis.bound = std::min(hypothesis.bound, candidate.gain);
       if (candidate.gain <= best.gain) continue;
       best = candidate;
       for (int refit = 0; refit < kRefits && candidate.members.size() >= 3; ++refit) {
-        candidate = LargestComponent(points_.Fit(candidate.members));
+        candidate = ComponentAround(points_.Fit(candidate.members), candidate.members);
         if (candidate.gain <= best.gain) break;
         best = candidate;
       }
@@ -257,8 +275,9 @@ class PlaneSearch {
 
   struct Hypothesis {
     PlaneParams plane;
+    uint32_t seed;
     double score;  // of all free points
-    double bound;  // of a connected set of them
+    double bound;  // of the connected set of the seed
   };
 
   const PlaneOptions& options_;
