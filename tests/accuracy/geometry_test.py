@@ -132,10 +132,26 @@ def compare(folder: pathlib.Path, points: np.ndarray, lines: np.ndarray, things:
     distance = nearest(points, things)
     check("distance_mm", np.abs(column(folder / "errors" / "points.csv", "distance_mm") - 1000 * distance).max(), 0.0)
     check("points", found["points"], point_figures(distance, THRESHOLDS_MM))
+    check_colours(folder / "errors" / "errors.ply", 1000 * distance, len(lines))
     paper, limap = line_figures(lines, things, NUM_SAMPLES, THRESHOLDS_MM)
     check("lines", found["lines"], paper)
     check("lines_limap", found["lines_limap"], limap)
     assert 0 < paper["precision_percent"]["200"] < 100, paper  # else nothing was tested
+
+
+def check_colours(path: pathlib.Path, distance_mm: np.ndarray, num_lines: int) -> None:
+    """errors.ply: points first, green to red, violet beyond the largest threshold; then lines in 20 pieces."""
+    raw = path.read_bytes()
+    begin = raw.index(b"end_header\n") + 11
+    counts = {line.split()[1]: int(line.split()[2]) for line in raw[:begin].decode().splitlines() if line.startswith("element")}
+    assert counts == {"vertex": len(distance_mm) + 40 * num_lines, "edge": 20 * num_lines}, counts
+    vertices = np.frombuffer(raw, np.dtype([("xyz", "<f8", 3), ("rgb", "u1", 3)]), counts["vertex"], begin)
+    rgb = vertices["rgb"][:len(distance_mm)].astype(int)
+    far = distance_mm > max(THRESHOLDS_MM)
+    assert far.any() and not far.all() and (rgb[far] == [160, 0, 200]).all()
+    part = distance_mm[~far] / max(THRESHOLDS_MM)
+    expected = np.stack([np.minimum(1, 2 * part), np.minimum(1, 2 - 2 * part), 0 * part], axis=1)
+    assert np.abs(rgb[~far] - 220 * expected).max() <= 0.5 + 1e-6
 
 
 # ---------------------------------------------------------------------------------------------------- tests

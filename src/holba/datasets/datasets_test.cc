@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <hdf5.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -13,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "holba/base/data_testing.h"
 #include "holba/base/error.h"
 #include "holba/datasets/dataset.h"
 #include "holba/frontend/importers/import_testing.h"
@@ -389,6 +391,47 @@ TEST_F(Datasets, OneDSfMHasBundlersCamerasAndPhotographsWithoutPose) {
   EXPECT_THAT(Refusal("1DSfM"), HasSubstr("gt_bundle.out: expected an element of a rotation"));
   Text("gt_bundle.out", "# Bundle file v0.3\n2 0\n60 0 zero\n");
   EXPECT_THAT(Refusal("1DSfM"), HasSubstr("gt_bundle.out:3: expected k2"));
+}
+
+// Points that Bundler found are where its views of them say, in the cameras that are made of its
+// file.
+TEST_F(Datasets, OneDSfMProjectsARealModelOfBundlersWhereItsViewsAre) {
+  HOLBA_SKIP_WITHOUT_DATA();
+  const fs::path bundle = DataFolder() / "models_other" / "foreign" / "kermit_bundler.out";
+  std::ifstream in(bundle);
+  std::string header;
+  std::getline(in, header);
+  size_t num_cameras = 0, num_points = 0;
+  ASSERT_TRUE(in >> num_cameras >> num_points) << bundle;
+  double number = 0.0;
+  for (size_t i = 0; i < 15 * num_cameras; ++i) in >> number;
+  std::string list;
+  for (size_t i = 0; i < num_cameras; ++i) {
+    list += std::to_string(i) + ".jpg\n";
+    Photograph(std::to_string(i) + ".jpg", 640, 480);
+  }
+  Text("list.txt", list);
+  fs::copy_file(bundle, Path("gt_bundle.out"));
+  const Dataset set = Read("1DSfM");
+  // Two of the eleven were not found a pose.
+  ASSERT_EQ(set.truth.images.size(), 9u);
+  ASSERT_EQ(set.truth.unregistered_images.size(), 2u);
+  std::vector<double> errors;
+  for (size_t i = 0; i < num_points; ++i) {
+    Eigen::Vector3d X;
+    size_t num_views = 0;
+    in >> X.x() >> X.y() >> X.z() >> number >> number >> number >> num_views;
+    for (size_t k = 0; k < num_views; ++k) {
+      size_t camera, key;
+      double x, y;
+      ASSERT_TRUE(in >> camera >> key >> x >> y);
+      const Eigen::Vector2d pixel = Pixel(set, std::to_string(camera) + ".jpg", X);
+      errors.push_back((pixel - Eigen::Vector2d(320.0 + x, 240.0 - y)).norm());
+    }
+  }
+  ASSERT_GT(errors.size(), 1500u);
+  std::nth_element(errors.begin(), errors.begin() + errors.size() / 2, errors.end());
+  EXPECT_LT(errors[errors.size() / 2], 0.5);
 }
 
 // --- Hypersim

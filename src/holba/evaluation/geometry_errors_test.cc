@@ -190,5 +190,41 @@ TEST(MeasurePrimitives, OfVanishingPointsTheNearestWithinTheAngleIsMeant) {
   EXPECT_THAT(errors.missed, ElementsAre(x));
 }
 
+// Sides 1, 2 and 3 about (5, 6, 7), and the same with its axes named otherwise, 1 % larger along
+// one.
+TEST(MeasurePrimitives, OfCuboidsNeitherOrderNorSenseOfTheAxesCounts) {
+  const auto add = [](const Eigen::Matrix3d& R, const Eigen::Vector3d& size,
+                      Reconstruction* model) {
+    const Eigen::Vector3d centre(5, 6, 7);
+    const Eigen::Quaterniond q(R);
+    std::vector<double> params{q.w(), q.x(), q.y(), q.z()};
+    for (int k = 0; k < 3; ++k) {
+      const double middle = R.col(k).dot(centre);
+      params.push_back(-(middle + 0.5 * size[k]));
+      params.push_back(middle - 0.5 * size[k]);
+    }
+    std::vector<point3D_t> corners;
+    for (int i = 0; i < 8; ++i) {
+      const Eigen::Vector3d half(i & 1 ? 0.5 : -0.5, i & 2 ? 0.5 : -0.5, i & 4 ? 0.5 : -0.5);
+      corners.push_back(model->AddPoint3D(centre + R * size.cwiseProduct(half)));
+    }
+    model->AddGroup3D(CuboidType(), params, corners);
+  };
+  Random random(7);
+  const Eigen::Matrix3d R = ExpRotation(RandomVector(&random)).toRotationMatrix();
+  Eigen::Matrix3d turned;
+  turned << -R.col(2), R.col(1), R.col(0);
+  Reconstruction truth, model;
+  add(R, {1, 2, 3}, &truth);
+  add(turned, {3.03, 2, 1}, &model);
+  const PrimitiveErrors errors = MeasurePrimitives(model, truth, Sim3d(), PrimitiveOptions());
+  ASSERT_EQ(errors.pairs.size(), 1u);
+  const std::map<std::string, double> named(errors.pairs[0].errors.begin(),
+                                            errors.pairs[0].errors.end());
+  EXPECT_NEAR(named.at("size"), 0.03, 1e-9);
+  EXPECT_NEAR(named.at("centre"), 0.0, 1e-9);
+  EXPECT_NEAR(named.at("axes_deg"), 0.0, 1e-6);
+}
+
 }  // namespace
 }  // namespace holba

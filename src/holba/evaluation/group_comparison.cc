@@ -29,6 +29,45 @@ NamedErrors PlaneErrors(const MovedGroup& model, const MovedGroup& truth,
           {"offset", std::abs(n.dot(middle) + model.plain[3])}};
 }
 
+// A cuboid as its file has it: faces n_i.x + w_i = 0 with outward normals +R0 -R0 +R1 -R1 +R2 -R2.
+struct Cuboid {
+  Eigen::Matrix3d axes;  // columns
+  Eigen::Vector3d size, centre;
+};
+Cuboid CuboidOf(const double* plain) {
+  Cuboid cuboid;
+  cuboid.axes =
+      Eigen::Quaterniond(plain[0], plain[1], plain[2], plain[3]).normalized().toRotationMatrix();
+  Eigen::Vector3d middle;
+  for (int k = 0; k < 3; ++k) {
+    const double high = -plain[4 + 2 * k], low = plain[5 + 2 * k];
+    cuboid.size[k] = high - low;
+    middle[k] = 0.5 * (high + low);
+  }
+  cuboid.centre = cuboid.axes * middle;
+  return cuboid;
+}
+
+// Which axis is the first, and which way it points, means nothing: each axis is compared with the
+// nearest of the other.
+NamedErrors CuboidErrors(const MovedGroup& model, const MovedGroup& truth) {
+  const Cuboid a = CuboidOf(model.plain.data()), b = CuboidOf(truth.plain.data());
+  Eigen::Vector3d size_off = Eigen::Vector3d::Zero();
+  double worst_deg = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    double best_deg = 90.0;
+    for (int k = 0; k < 3; ++k) {
+      const double angle_deg = UnsignedAngleDeg(a.axes.col(k), b.axes.col(i));
+      if (angle_deg > best_deg) continue;
+      best_deg = angle_deg;
+      size_off[i] = a.size[k] - b.size[i];
+    }
+    worst_deg = std::max(worst_deg, best_deg);
+  }
+  return {
+      {"centre", (a.centre - b.centre).norm()}, {"size", size_off.norm()}, {"axes_deg", worst_deg}};
+}
+
 // Of a line (d, m): its point nearest to x.
 Eigen::Vector3d NearestOnAxis(const double* line, const Eigen::Vector3d& x) {
   const Eigen::Vector3d d(line), m(line + 3);
@@ -65,6 +104,7 @@ std::vector<Eigen::Vector3d> MemberPoints(const Reconstruction& model, const Gro
 NamedErrors ParameterErrors(const GroupType& type, const MovedGroup& model, const MovedGroup& truth,
                             std::span<const Eigen::Vector3d> true_members) {
   if (IsPlane(type)) return PlaneErrors(model, truth, true_members);
+  if (IsCuboid(type)) return CuboidErrors(model, truth);
   NamedErrors errors;
   if (type.HasDirection()) {
     Eigen::Vector3d a, b;

@@ -28,7 +28,8 @@ std::vector<Eigen::Vector3d> MemberPoints(const Reconstruction& model, const Gro
 double UnsignedAngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b);
 
 // Errors by name, both groups in one frame. Of planes "normal_deg" and "offset", the distance from
-// the centroid of the true members (without any: from the foot of the true plane); of other types
+// the centroid of the true members (without any: from the foot of the true plane); of cuboids
+// "centre", "size" and "axes_deg", axes compared with the nearest of the other's; of other types
 // "direction_deg" if they have a direction, and by the names of the file's parameters "centre"
 // (cx cy cz), "axis_deg" (dx dy dz), "axis_offset" (a Pluecker line: its distance from the centroid
 // of the true members, as seen from the true axis), "apex" (ax ay az), "radius" (r),

@@ -391,7 +391,11 @@ Rigid3d RigidMotion(std::string_view text, const std::filesystem::path& path) {
 }  // namespace
 
 FileGeometry ReadPly(const std::filesystem::path& path, GeometryContent content) {
-  const std::string bytes = ReadFileBytes(path);
+  return ParsePly(ReadFileBytes(path), path, content);
+}
+
+FileGeometry ParsePly(std::string_view bytes, const std::filesystem::path& path,
+                      GeometryContent content) {
   const Header header = ReadHeader(bytes, path);
   PlyValues values(bytes, header, path);
   FileGeometry geometry;

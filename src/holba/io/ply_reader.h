@@ -7,7 +7,8 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
-#include <string>
+#include <ostream>
+#include <string_view>
 #include <vector>
 
 #include "holba/geometry/rigid3d.h"
@@ -26,6 +27,9 @@ enum class GeometryContent { kVertices, kTriangles, kEdges };
 // PLY. Elements that are not asked for are read over. Throws InputError with the place of the
 // fault, also for indices that are no vertices' and for coordinates that are not finite.
 FileGeometry ReadPly(const std::filesystem::path& path, GeometryContent content);
+// The bytes of such a file; `path` is for messages.
+FileGeometry ParsePly(std::string_view bytes, const std::filesystem::path& path,
+                      GeometryContent content);
 // PLY, or OBJ by its extension (its vertices and faces; normals and textures are read over).
 FileGeometry ReadMesh(const std::filesystem::path& path);
 

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "holba/base/error.h"
+#include "holba/base/random.h"
 
 namespace holba {
 namespace {
@@ -110,6 +111,37 @@ TEST_F(PlyReader, RefusesDamagedFilesWithTheirPlace) {
   EXPECT_THAT(PlyRefusal(cloud, kTriangles), HasSubstr("--point_cloud_path"));
   EXPECT_THAT(PlyRefusal(cloud, GeometryContent::kEdges), HasSubstr("element 'edge'"));
   EXPECT_EQ(PlyRefusal(cloud, GeometryContent::kVertices), "");
+}
+
+TEST_F(PlyReader, DamagedBytesEndInARefusalOrInAGeometry) {
+  Random random(5);
+  std::vector<Eigen::Vector3d> vertices;
+  std::vector<std::array<uint32_t, 3>> triangles;
+  for (uint32_t i = 0; i < 20; ++i) {
+    vertices.emplace_back(random.Normal(), random.Normal(), random.Normal());
+    triangles.push_back({i, (i + 1) % 20, (i + 2) % 20});
+  }
+  std::ostringstream stream;
+  WriteTrianglePly(vertices, triangles, &stream);
+  size_t num_refused = 0;
+  for (const std::string& whole : {stream.str(), std::string(kSquare)}) {
+    for (int trial = 0; trial < 3000; ++trial) {
+      std::string bytes =
+          whole.substr(0, trial % 3 == 0 ? random.Index(whole.size()) : whole.size());
+      for (size_t n = random.Index(4); n > 0 && !bytes.empty(); --n) {
+        bytes[random.Index(bytes.size())] = static_cast<char>(random.Bits());
+      }
+      try {
+        const FileGeometry geometry = ParsePly(bytes, "x.ply", GeometryContent::kTriangles);
+        for (const auto& triangle : geometry.triangles) {
+          for (const uint32_t corner : triangle) ASSERT_LT(corner, geometry.vertices.size());
+        }
+      } catch (const InputError&) {
+        ++num_refused;
+      }
+    }
+  }
+  EXPECT_GT(num_refused, 2000u);
 }
 
 TEST_F(PlyReader, ReadsTheScansOfAMeshLabProject) {
