@@ -7,10 +7,9 @@ DATA/SET/images are the photographs, DATA/SET/gt/ a model with the true poses an
 surfaces in metres in the frame of these poses, DATA/SET/colmap/pinhole_fixed COLMAP's model. Only its tracks are used:
 they are placed anew on the true cameras (nearest point of their rays, then `holba adjust` with poses held).
 
-Points: share within 1, 5 and 10 mm of the mesh, and the median distance. Lines in 4 or more images, as LIMAP counts
-them: 1000 samples between the ends of each; recall is the length within the distance in metres, precision its share of
-all length (as in Table 2 of the paper), "touching" the share of lines with any sample within (what LIMAP calls
-precision).
+The figures are those of `holba evaluate_geometry` (docs/evaluate.md), of lines in 4 or more images: recall is the length
+within the distance in metres, precision its share of all length (as in Table 2 of the paper), "touching" the share of
+lines with any sample within (what LIMAP calls precision).
 Example: benchmark/geometry_sets.py --data DATA --sets greyroom_pinhole --output RUNS
 """
 
@@ -21,15 +20,12 @@ import tempfile
 
 import numpy as np
 
-from mesh_distance import MeshDistance, read_mesh
 from real_sets import KNOWN_INTRINSICS, markdown, parser_of_sets, run
 from refine_sets import read_records
 
 SETS = ["greyroom_pinhole", "greyroom_plain"]
-THRESHOLDS_M = [0.001, 0.005, 0.01]
-MAX_DISTANCE_M = 0.1  # points farther off are only known to be so
+THRESHOLDS_MM = [1, 5, 10]
 MIN_LINE_IMAGES = 4
-NUM_SAMPLES, SAMPLES_TOGETHER = 1000, 20
 
 # Groups also propose lines and enter their first fit: without them altogether these must be off, too. Features outside
 # of a configuration's terms are there in all of them, estimated from their observations.
@@ -121,35 +117,19 @@ def check_poses(model: pathlib.Path, truth: pathlib.Path) -> None:
             sys.exit(f"{model}: image {fields[9]} is not at its true pose")
 
 
-def point_cells(model: pathlib.Path, mesh: MeshDistance) -> tuple[list[str], list[list[str]]]:
-    """Number, shares within the thresholds and median of all points; the same by origin."""
-    points = {fields[0]: [float(x) for x in fields[1:4]] for fields in read_records(model / "points3D.txt")}
-    origins = dict(read_records(model / "point_origins.txt")) if (model / "point_origins.txt").exists() else {}
-    distance = mesh.distances(np.array(list(points.values()))[:, None], MAX_DISTANCE_M)[:, 0]
-
-    def cells(d: np.ndarray) -> list[str]:
-        median = np.median(d) * 1000
-        return [str(len(d)), " / ".join(f"{100 * np.mean(d <= t):.1f}" for t in THRESHOLDS_M),
-                f"{median:.2f}" if np.isfinite(median) else f"> {MAX_DISTANCE_M * 1000:.0f}"]
-
-    origin = np.array([origins.get(i, "DETECTED") for i in points])
-    return cells(distance), [[kind.lower(), *cells(distance[origin == kind])] for kind in sorted(set(origin))[::-1]]
+def slashed(values: dict) -> str:
+    return " / ".join(f"{values[f'{t}']:.1f}" for t in THRESHOLDS_MM)
 
 
-def line_cells(model: pathlib.Path, mesh: MeshDistance) -> list[str]:
-    """Number, recall in metres, precision, share of lines that touch, of lines in enough images."""
-    ends = [[float(x) for x in fields[7:13]] for fields in read_records(model / "lines3D.txt")
-            if len(set(fields[17::2])) >= MIN_LINE_IMAGES]
-    ends = np.array(ends).reshape(-1, 2, 3)
-    t = ((np.arange(NUM_SAMPLES) + 0.5) / NUM_SAMPLES)[:, None]
-    samples = ends[:, None, 0] * (1 - t) + ends[:, None, 1] * t
-    distance = mesh.distances(samples.reshape(-1, SAMPLES_TOGETHER, 3), THRESHOLDS_M[-1]).reshape(-1, NUM_SAMPLES)
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    share = [np.mean(distance <= threshold, axis=1) for threshold in THRESHOLDS_M]
-    recall = [length @ s for s in share]
-    return [str(len(ends)), " / ".join(f"{r:.1f}" for r in recall),
-            " / ".join(f"{100 * r / length.sum():.1f}" for r in recall),
-            " / ".join(f"{100 * np.mean(s > 0):.1f}" for s in share)]
+def point_cells(points: dict) -> list[str]:
+    """Number, shares within the thresholds and median."""
+    return [str(points["count"]), slashed(points["inlier_percent"]), f"{points['median_mm']:.2f}"]
+
+
+def line_cells(lines: dict, limap: dict) -> list[str]:
+    """Number, recall in metres, precision, share of lines that touch."""
+    return [str(lines["count"]), slashed(lines["recall_m"]), slashed(lines["precision_percent"]),
+            slashed(limap["precision_percent"])]
 
 
 def main() -> None:
@@ -161,7 +141,6 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for name in arguments.sets.split(","):
             data = arguments.data / name
-            mesh = MeshDistance(read_mesh(data / "mesh.ply"))
             tracks, placed, start = (folder / f"{name}_{part}" for part in ("tracks", "placed", "start"))
             # convert has no result to print as JSON.
             subprocess.run([arguments.holba, "convert", "--input_path", data / "colmap" / "pinhole_fixed",
@@ -176,11 +155,14 @@ def main() -> None:
                     model, "--database_path", folder / f"{name}.db", "--output_type", "txt", "--num_pictures", "0",
                     "--Refine.fix_poses", "1", *options, *arguments.options)
                 check_poses(model, data / "gt")
-                points, by_origin = point_cells(model, mesh)
-                rows.append([name, title, *points, *line_cells(model, mesh)])
-                origin_rows += [[name, title, *row] for row in by_origin]
+                found = run(arguments.holba, "evaluate_geometry", "--input_path", model, "--mesh_path", data / "mesh.ply",
+                            "--thresholds_mm", ",".join(map(str, THRESHOLDS_MM)), "--Geometry.min_line_images",
+                            MIN_LINE_IMAGES, "--Geometry.limap_min_line_images", MIN_LINE_IMAGES)
+                rows.append([name, title, *point_cells(found["points"]), *line_cells(found["lines"], found["lines_limap"])])
+                origin_rows += [[name, title, origin, *point_cells(points)]
+                                for origin, points in found["points_by_origin"].items()]
                 print(" | ".join(rows[-1]), file=sys.stderr)
-    at = " / ".join(f"{t * 1000:.0f}" for t in THRESHOLDS_M)
+    at = " / ".join(map(str, THRESHOLDS_MM))
     print(markdown(["set", "constraints", "points", f"within {at} mm, %", "median, mm", "lines",
                     f"recall @{at} mm, m", "precision, %", "lines touching, %"], rows))
     print("\nPoints by where they come from:\n")

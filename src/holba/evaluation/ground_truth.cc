@@ -2,51 +2,19 @@
 #include "holba/evaluation/ground_truth.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <sstream>
-#include <string_view>
+#include <string>
 
+#include "holba/evaluation/group_comparison.h"
 #include "holba/geometry/angle.h"
 #include "holba/group/known_types.h"
 
 namespace holba {
 namespace {
 
-double UnsignedAngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return kDegPerRad * std::atan2(a.cross(b).norm(), std::abs(a.dot(b)));
-}
-
 Eigen::Vector3d Midpoint(const Line3D& line) {
   const Eigen::Vector3d middle = 0.5 * (line.start + line.end);
   return line.line.ClosestPoint(middle);
-}
-
-// Points of a true group that are on it: members, ends of member segments.
-std::vector<Eigen::Vector3d> MemberPoints(const Reconstruction& truth, const Group3D& group) {
-  std::vector<Eigen::Vector3d> points;
-  for (const point3D_t id : group.point3D_ids) points.push_back(truth.points3D.at(id).xyz);
-  for (const line3D_t id : group.line3D_ids) {
-    const Line3D& line = truth.lines3D.at(id);
-    points.push_back(line.line.ClosestPoint(line.start));
-    points.push_back(line.line.ClosestPoint(line.end));
-  }
-  return points;
-}
-
-using Params = std::array<double, kMaxGroupParams>;
-
-// In-memory and plain parameters of a group, moved by a similarity.
-struct MovedGroup {
-  Params memory{}, plain{};
-};
-std::optional<MovedGroup> Move(const Group3D& group, const Sim3d& new_from_old) {
-  Params old{};
-  MovedGroup moved;
-  if (!group.type->from_file(group.params.data(), old.data())) return std::nullopt;
-  group.type->transform(new_from_old, old.data(), moved.memory.data());
-  group.type->to_file(moved.memory.data(), moved.plain.data());
-  return moved;
 }
 
 // Collects the errors of one model.
@@ -104,63 +72,35 @@ class Comparison {
     for (const auto& [id, group] : truth_.groups3D) {
       const Group3D* other = model_.groups3D.Find(id);
       if (other == nullptr || other->type != group.type) continue;
-      const auto moved = Move(*other, sim_);
-      const auto exact = Move(group, Sim3d());
+      const auto moved = MoveGroup(*other, sim_);
+      const auto exact = MoveGroup(group, Sim3d());
       if (!moved || !exact) continue;
+      const auto named = ParameterErrors(*group.type, *moved, *exact, MemberPoints(truth_, group));
       if (IsPlane(*group.type)) {
-        const Eigen::Vector3d n(moved->plain.data()), n_true(exact->plain.data());
-        Eigen::Vector3d centroid = -exact->plain[3] * n_true;
-        const std::vector<Eigen::Vector3d> members = MemberPoints(truth_, group);
-        if (!members.empty()) {
-          centroid.setZero();
-          for (const Eigen::Vector3d& X : members) centroid += X;
-          centroid /= static_cast<double>(members.size());
+        for (const auto& [name, error] : named) {
+          (name == "offset" ? offsets : normals).push_back(error);
         }
-        normals.push_back(UnsignedAngleDeg(n, n_true));
-        offsets.push_back(std::abs(n.dot(centroid) + moved->plain[3]));
-      } else {
-        CompareGroup(group, *moved, *exact);
+        continue;
       }
+      for (const auto& [name, error] : named) AddGroupError(*group.type, name, error);
+      AddSurfaceErrors(group, *moved);
     }
     errors->plane_normal_deg = Summarise(normals);
     errors->plane_offset = Summarise(offsets);
     for (const auto& [name, values] : group_errors_) errors->groups[name] = *Summarise(values);
   }
 
-  void CompareGroup(const Group3D& group, const MovedGroup& moved, const MovedGroup& exact) {
-    const GroupType& type = *group.type;
-    const auto add = [&](std::string_view quantity, double error) {
-      group_errors_[std::string(type.name) + " " + std::string(quantity)].push_back(error);
-    };
-    if (type.HasDirection()) {
-      Eigen::Vector3d a, b;
-      type.direction(moved.memory.data(), &a, nullptr);
-      type.direction(exact.memory.data(), &b, nullptr);
-      add("direction_deg", UnsignedAngleDeg(a, b));
-    }
-    if (type.project_point != nullptr) {
-      for (const point3D_t id : group.point3D_ids) {
-        const Eigen::Vector3d& X = truth_.points3D.at(id).xyz;
-        Eigen::Vector3d projected;
-        if (type.project_point(moved.memory.data(), X, &projected)) {
-          add("surface", (projected - X).norm());
-        }
-      }
-    }
-    std::istringstream names{std::string(type.file_params)};
-    std::string name;
-    for (int i = 0; names >> name && i < type.num_file_params; ++i) {
-      const Eigen::Map<const Eigen::Vector3d> a(moved.plain.data() + i), b(exact.plain.data() + i);
-      if (name == "cx") add("centre", (a - b).norm());
-      if (name == "dx") add("axis_deg", UnsignedAngleDeg(a, b));
-      if (name == "ax") add("apex", (a - b).norm());
-      if (name == "r") add("radius", std::abs(a[0] - b[0]));
-      if (name == "alpha") add("half_angle_deg", kDegPerRad * std::abs(a[0] - b[0]));
-      if (name == "sx") {
-        Eigen::Vector3d sa = a, sb = b;
-        std::sort(sa.data(), sa.data() + 3);
-        std::sort(sb.data(), sb.data() + 3);
-        add("semi_axes", (sa - sb).norm());
+  void AddGroupError(const GroupType& type, const std::string& quantity, double error) {
+    group_errors_[std::string(type.name) + " " + quantity].push_back(error);
+  }
+
+  void AddSurfaceErrors(const Group3D& group, const MovedGroup& moved) {
+    if (group.type->project_point == nullptr) return;
+    for (const point3D_t id : group.point3D_ids) {
+      const Eigen::Vector3d& X = truth_.points3D.at(id).xyz;
+      Eigen::Vector3d projected;
+      if (group.type->project_point(moved.memory.data(), X, &projected)) {
+        AddGroupError(*group.type, "surface", (projected - X).norm());
       }
     }
   }

@@ -29,10 +29,8 @@ struct GroundTruthErrors {
   // Of the plane from the centroid of the true plane's member points and segment ends (of a plane
   // without members: from the foot of the true plane).
   std::optional<ErrorStats> plane_offset;
-  // Other groups, by "TYPE quantity": "direction_deg" for types with a direction; "surface", the
-  // distance of true member points from the model's surface; and by the names of the file's
-  // parameters "centre" (cx cy cz), "axis_deg" (dx dy dz), "apex" (ax ay az), "radius" (r),
-  // "half_angle_deg" (alpha) and "semi_axes" (sx sy sz, sorted by length).
+  // Other groups, by "TYPE quantity": those of group_comparison.h, and "surface", the distance of
+  // true member points from the model's surface.
   std::map<std::string, ErrorStats> groups;
   Alignment alignment;
 
