@@ -152,7 +152,8 @@ class Resistance {
     sum_ += rows.transpose() * rows;
   }
   Eigen::MatrixXd Free() const {
-    const Eigen::SelfAdjointEigenSolver<Matrix7> eigen(sum_);
+    // Of dynamic size: a solver of a fixed size takes the compiler as long as all else here.
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(sum_);
     const double least = kMinEigenvalueRatio * eigen.eigenvalues()[6];
     int count = 0;
     while (count < 7 && !(eigen.eigenvalues()[count] > least)) ++count;
