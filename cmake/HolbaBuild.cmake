@@ -109,11 +109,11 @@ if(HOLBA_PRECOMPILE_HEADERS)
 endif()
 
 # holba_unite(TARGET): with HOLBA_UNITY_BUILD its files are compiled several at a time, which parses headers and
-# instantiates templates once for all of them. Sources with options of their own stay apart (CMake sees to it). More
-# files at once would leave a core without work at the end, and take more memory than holba_jobs (setup.sh) counts on.
+# instantiates templates once for all of them. Sources with options of their own stay apart (CMake sees to it). Eight
+# at once take the same time and 1.7 GB of memory, more than holba_jobs (setup.sh) counts on; four stay below that.
 function(holba_unite target)
   if(HOLBA_UNITY_BUILD)
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 4)
   endif()
 endfunction()
 
