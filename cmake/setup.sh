@@ -60,11 +60,13 @@ holba_jobs() {
 
 # Configures and builds; arguments go to cmake's configure step. $HOLBA_TARGETS: only these.
 holba_configure_and_build() {
-  local generator=()
-  if [[ ! -f $holba_build/CMakeCache.txt ]] && command -v ninja >/dev/null; then
-    generator=(-G Ninja)
+  # A folder that somebody has configured keeps its generator and its kind of build.
+  local fresh=()
+  if [[ ! -f $holba_build/CMakeCache.txt ]]; then
+    fresh=(-DHOLBA_UNITY_BUILD=ON)
+    if command -v ninja >/dev/null; then fresh+=(-G Ninja); fi
   fi
-  cmake -S "$holba_root" -B "$holba_build" "${generator[@]}" "$@" >&2
+  cmake -S "$holba_root" -B "$holba_build" "${fresh[@]}" "$@" >&2
   local targets=()
   if [[ -n ${HOLBA_TARGETS:-} ]]; then targets=(--target ${HOLBA_TARGETS}); fi
   cmake --build "$holba_build" --parallel "$(holba_jobs)" "${targets[@]}" >&2

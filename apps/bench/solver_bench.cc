@@ -21,7 +21,7 @@ std::string Label(const Competitor& competitor) {
   return fmt::format("{} {}t", competitor.name, competitor.num_threads);
 }
 
-std::optional<double> Median(std::span<const double> values) {
+std::optional<double> MedianOfAny(std::span<const double> values) {
   const auto stats = Summarise(values);
   if (!stats) return std::nullopt;
   return stats->median;
@@ -229,7 +229,7 @@ std::optional<Table> CovariancesTable(const SolverBenchResult& bench) {
   for (const SolverBenchProblemResult& p : bench.problems) {
     std::vector<std::string> row = {p.name};
     for (const SolverResult& of : p.results) {
-      const auto seconds = Median(of.covariances.seconds);
+      const auto seconds = MedianOfAny(of.covariances.seconds);
       if (!seconds) continue;
       if (table.rows.empty()) table.header.push_back(Label(of.competitor));
       row.push_back(fmt::format("{} ({:.1f})", ThreeDigits(1e3 * *seconds),
@@ -310,7 +310,7 @@ nlohmann::json ResultToJson(const SolverResult& of, double best_cost) {
   json["seconds_to_1_percent"] = OptionalToJson(score.seconds_to_1_percent);
   json["seconds_to_01_percent"] = OptionalToJson(score.seconds_to_01_percent);
   json["seconds_per_call"] = OptionalToJson(score.seconds_per_call);
-  json["seconds_of_covariances"] = OptionalToJson(Median(of.covariances.seconds));
+  json["seconds_of_covariances"] = OptionalToJson(MedianOfAny(of.covariances.seconds));
   json["build_problem_seconds"] = score.build_problem_seconds;
   json["peak_memory_mb"] = score.peak_memory_mb;
   json["initial_cost"] = score.initial_cost;
@@ -339,7 +339,7 @@ SolverScore ScoreOf(const SolverResult& result, double best_cost) {
 
   score.is_exact = TakesExactSteps(result.timed.front().used_solver);
   for (const SolverRun& run : result.timed) {
-    const auto median = Median(run.seconds);
+    const auto median = MedianOfAny(run.seconds);
     if (median && !(score.seconds_per_iteration <= median && score.seconds_per_iteration)) {
       score.seconds_per_iteration = median;
     }
@@ -355,15 +355,15 @@ SolverScore ScoreOf(const SolverResult& result, double best_cost) {
   }
   if (!result.converged.empty()) {
     // Which cost is reached may hang on the order of additions in threads: then it was not reached.
-    if (to_1.size() == result.converged.size()) score.seconds_to_1_percent = Median(to_1);
-    if (to_01.size() == result.converged.size()) score.seconds_to_01_percent = Median(to_01);
+    if (to_1.size() == result.converged.size()) score.seconds_to_1_percent = MedianOfAny(to_1);
+    if (to_01.size() == result.converged.size()) score.seconds_to_01_percent = MedianOfAny(to_01);
     const SolverRun& last = result.converged.back();
     score.initial_cost = last.initial_cost;
     score.final_cost = last.final_cost;
     score.iterations = last.num_iterations;
-    score.build_problem_seconds = Median(build).value_or(0.0);
+    score.build_problem_seconds = MedianOfAny(build).value_or(0.0);
   }
-  score.seconds_per_call = Median(result.calls.seconds);
+  score.seconds_per_call = MedianOfAny(result.calls.seconds);
   return score;
 }
 

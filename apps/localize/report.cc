@@ -16,7 +16,7 @@ json OfKinds(const ForEachKind<size_t>& counts) {
   return {{"points", counts.points}, {"lines", counts.lines}, {"directions", counts.directions}};
 }
 
-std::string Share(size_t inliers, size_t matches) {
+std::string OutOf(size_t inliers, size_t matches) {
   return matches == 0 ? "-" : fmt::format("{}/{}", inliers, matches);
 }
 
@@ -37,9 +37,9 @@ std::string LocalizeToText(const LocalizeReport& report) {
     const auto focal_idxs = image.camera.model->focal_idxs;
     text += fmt::format(
         "{:<{}} {:>11} {:>9} {:>7} {:>9} {:>9.4f} {:>9.4g}\n", image.name, width,
-        Share(pose.num_inliers.points, image.num_matches.points),
-        Share(pose.num_inliers.lines, image.num_matches.lines),
-        Share(pose.num_inliers.directions, image.num_matches.directions),
+        OutOf(pose.num_inliers.points, image.num_matches.points),
+        OutOf(pose.num_inliers.lines, image.num_matches.lines),
+        OutOf(pose.num_inliers.directions, image.num_matches.directions),
         focal_idxs.empty() ? "-" : fmt::format("{:.1f}", image.camera.params[focal_idxs[0]]),
         image.RotationSigmaDeg(), image.CentreSigma());
   }

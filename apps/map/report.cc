@@ -49,7 +49,7 @@ nlohmann::json ToJson(const PositionAlignment& alignment) {
 }
 
 // The paper's table of runtime and reconstruction, a row for each model.
-std::string Table(const MapOutput& output) {
+std::string MapTable(const MapOutput& output) {
   std::string text =
       fmt::format("{:>5} {:>11} {:>8} {:>8} {:>9} {:>7} {:>7} {:>9}\n", "model", "images",
                   "minutes", "points", "observed", "lines", "groups", "error px");
@@ -167,7 +167,7 @@ std::string MapToText(const MapOutput& output) {
     text += fmt::format("Continued: {} with {}\n\n", Counted(output.continued->num_images, "image"),
                         Counted(output.continued->num_points, "point"));
   }
-  text += Table(output);
+  text += MapTable(output);
   for (size_t i = 0; i < output.models.size(); ++i) {
     const MapOutput::OfModel& model = output.models[i];
     text += fmt::format("Model {}, seconds:", i);

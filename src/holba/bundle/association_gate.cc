@@ -288,8 +288,9 @@ class Tester {
     to_its_basis.bottomRightCorner<2, 2>() = to_its_basis.topLeftCorner<2, 2>();
     J = (J * to_its_basis).eval();
     if (moments.isZero(0.0)) return {0.0, 1};
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> covariance(
-        J * line.covariance * J.transpose());
+    // Of dynamic size, for the sake of the time to compile it.
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> covariance(J * line.covariance *
+                                                                    J.transpose());
     const double least = 1e-9 * covariance.eigenvalues()[5];  // smaller ones are rounding
     Offset offset{0.0, 0};
     for (int k = 6 - kMaxDegreesOfFreedom; k < 6; ++k) {

@@ -27,7 +27,7 @@ using Matrix7 = Eigen::Matrix<double, 7, 7>;
 // thousand times less than another is free.
 constexpr double kMinEigenvalueRatio = 1e-8;
 // Step of central differences, in the unit of length.
-constexpr double kStep = 1e-5;
+constexpr double kStepOfDifferences = 1e-5;
 
 uint64_t KeyOf(const Reconstruction& model, const Image& image) {
   return SensorKey(model.frames.at(image.frame_id).rig_id, image.camera_id);
@@ -88,9 +88,8 @@ class Resistance {
   }
   Eigen::MatrixXd FreeWithStructure() {
     const auto held = [](const auto& element) { return element.constant; };
-    const bool any_line_held =
-        options_.config >= BundleConfig::kPointLine &&
-        std::any_of(selection_.lines.begin(), selection_.lines.end(), held);
+    const bool any_line_held = options_.config >= BundleConfig::kPointLine &&
+                               std::any_of(selection_.lines.begin(), selection_.lines.end(), held);
     const bool any_group_held =
         options_.config >= BundleConfig::kGroups &&
         std::any_of(selection_.groups.begin(), selection_.groups.end(), held);
@@ -153,7 +152,8 @@ class Resistance {
     sum_ += rows.transpose() * rows;
   }
   Eigen::MatrixXd Free() const {
-    const Eigen::SelfAdjointEigenSolver<Matrix7> eigen(sum_);
+    // Of dynamic size: a solver of a fixed size takes the compiler as long as all else here.
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(sum_);
     const double least = kMinEigenvalueRatio * eigen.eigenvalues()[6];
     int count = 0;
     while (count < 7 && !(eigen.eigenvalues()[count] > least)) ++count;
@@ -274,8 +274,10 @@ class Resistance {
     Eigen::Matrix<double, kDim, 7> rows;
     for (int k = 0; k < 7; ++k) {
       Eigen::Matrix<double, kDim, 1> plus, minus;
-      if (!away(Similarity(k, kStep), &plus) || !away(Similarity(k, -kStep), &minus)) return;
-      rows.col(k) = (plus - minus) / (2.0 * kStep);
+      if (!away(Similarity(k, kStepOfDifferences), &plus) ||
+          !away(Similarity(k, -kStepOfDifferences), &minus))
+        return;
+      rows.col(k) = (plus - minus) / (2.0 * kStepOfDifferences);
     }
     // What is left of differences of directions that change nothing is rounding.
     rows = (rows.array().abs() > 1e-7).select(rows, 0.0);

@@ -26,7 +26,7 @@ constexpr size_t kEnoughTracks = 4000;
 constexpr size_t kEnoughToRank = 400;
 constexpr double kSureErrors = 2.0;
 // Weights differ by factors of four: standard deviations by two.
-constexpr double kStep = 4.0;
+constexpr double kWeightStep = 4.0;
 // Steps of an adjustment of a fold. The first, which are not judged, have to forget what is left
 // out; then each trial starts near the optimum of other weights, and after two steps their order is
 // that of the optima.
@@ -37,7 +37,7 @@ constexpr int kNextIterations = 2;
 // which is the same in all of it, and the choice then costs what the part does.
 constexpr size_t kMaxFrames = 60;
 // Members that a group needs in the part.
-constexpr size_t kMinMembers = 3;
+constexpr size_t kMinMembersInPart = 3;
 
 // kMaxFrames images that share many points: each shares the most with those before it.
 std::vector<image_t> ImagesOfPart(const Reconstruction& model, const BundleSelection& selection) {
@@ -86,7 +86,7 @@ BundleSelection PartToJudgeBy(const Reconstruction& model, const BundleOptions& 
   std::erase_if(part.points, [&](const auto& point) { return !point_idx.contains(point.id); });
   std::erase_if(part.lines, [&](const auto& line) { return !line_idx.contains(line.id); });
   std::erase_if(part.groups, [&](const SelectedGroup& group) {
-    return group.point3D_ids.size() + group.line3D_ids.size() < kMinMembers;
+    return group.point3D_ids.size() + group.line3D_ids.size() < kMinMembersInPart;
   });
   // Around holds those of which it has not all members, as the rest of the model stays. Here a held
   // group would tell a fold of what it has not seen.
@@ -198,9 +198,9 @@ class Chooser {
   // All structure weighed alike: more or less while that is better.
   void TryDiagonal() {
     const auto all = [](double s) { return StructureWeights{s, s, s}; };
-    Try({all(kStep), all(1.0), all(1.0 / kStep)});
+    Try({all(kWeightStep), all(1.0), all(1.0 / kWeightStep)});
     if (best_.weights.points_alone) return;
-    for (const double factor : {kStep, 1.0 / kStep}) {
+    for (const double factor : {kWeightStep, 1.0 / kWeightStep}) {
       if (best_.weights.structure == all(factor)) Try({all(factor * factor)});
     }
   }
@@ -209,7 +209,7 @@ class Chooser {
   void TryFamilies() {
     const StructureWeights best = best_.weights.structure;
     std::vector<StructureWeights> trials;
-    for (const double factor : {kStep, 1.0 / kStep}) {
+    for (const double factor : {kWeightStep, 1.0 / kWeightStep}) {
       trials.push_back({factor * best.lines, best.corners, best.groups});
       trials.push_back({best.lines, factor * best.corners, factor * best.groups});
     }

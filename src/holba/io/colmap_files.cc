@@ -105,7 +105,7 @@ void WritePose(Out& out, const Rigid3d& pose) {
   WriteVector3(out, pose.translation);
 }
 
-bool Agree(const Rigid3d& a, const Rigid3d& b) {
+bool SamePose(const Rigid3d& a, const Rigid3d& b) {
   const Eigen::Vector4d p = a.rotation.coeffs().normalized(), q = b.rotation.coeffs().normalized();
   return std::min((p - q).norm(), (p + q).norm()) <= kSamePose &&
          (a.translation - b.translation).norm() <= kSamePose * (1.0 + b.translation.norm());
@@ -185,8 +185,8 @@ bool HasSensor(const Rig& rig, const SensorId& sensor) {
                      [&](const Rig::Sensor& other) { return other.id == sensor; });
 }
 
-// Frames and images come in two files each: those with a pose (COLMAP's), and those without (ours, the same
-// but for the pose).
+// Frames and images come in two files each: those with a pose (COLMAP's), and those without (ours,
+// the same but for the pose).
 enum class Registration { kRegistered, kUnregistered };
 
 template <Registration kRegistration, typename In>
@@ -225,7 +225,8 @@ void ReadFrameRecords(In& in, Reconstruction* model) {
     }
     in.EndRecord();
     auto& frames = kHasPose ? model->frames : model->unregistered_frames;
-    if ((!kHasPose && model->frames.contains(frame_id)) || !frames.Add(frame_id, std::move(frame))) {
+    if ((!kHasPose && model->frames.contains(frame_id)) ||
+        !frames.Add(frame_id, std::move(frame))) {
       in.FailRecord(ThereTwice(fmt::format("frame {}", frame_id)));
     }
   }
@@ -280,7 +281,7 @@ void JoinFrame(In& in, const Reconstruction& model,
     }
     pose = *member->sensor_from_rig * frame.rig_from_world;
   }
-  if (!Agree(image->cam_from_world, pose)) image->cam_from_world = pose;
+  if (!SamePose(image->cam_from_world, pose)) image->cam_from_world = pose;
 }
 
 // What images may name: cameras of the model, or any, which are added.
@@ -291,8 +292,8 @@ void ReadImageRecords(In& in, Reconstruction* model,
                       CamerasOfImages cameras = CamerasOfImages::kOfTheModel) {
   constexpr bool kHasPose = kRegistration == Registration::kRegistered;
   // As COLMAP: without any rig and frame a model is of the older form, whatever files there are.
-  const bool has_frames =
-      kHasPose ? !model->rigs.empty() || !model->frames.empty() : !model->unregistered_frames.empty();
+  const bool has_frames = kHasPose ? !model->rigs.empty() || !model->frames.empty()
+                                   : !model->unregistered_frames.empty();
   const auto frames = FramesOfImages(kHasPose ? model->frames : model->unregistered_frames);
   in.Begin("the number of images", kHasPose ? 73 : 17);
   while (in.NextRecord()) {
@@ -336,7 +337,8 @@ void ReadImageRecords(In& in, Reconstruction* model,
     }
     in.EndRecord();
     auto& images = kHasPose ? model->images : model->unregistered_images;
-    if ((!kHasPose && model->images.contains(image_id)) || !images.Add(image_id, std::move(image))) {
+    if ((!kHasPose && model->images.contains(image_id)) ||
+        !images.Add(image_id, std::move(image))) {
       in.FailRecord(ThereTwice(fmt::format("image {}", image_id)));
     }
   }
@@ -392,12 +394,14 @@ void ReadRigs(ModelFormat format, std::string_view bytes, const std::filesystem:
 
 void ReadFrames(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
                 Reconstruction* model) {
-  WithInput(format, bytes, path, [&](auto& in) { ReadFrameRecords<Registration::kRegistered>(in, model); });
+  WithInput(format, bytes, path,
+            [&](auto& in) { ReadFrameRecords<Registration::kRegistered>(in, model); });
 }
 
 void ReadImages(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
                 Reconstruction* model) {
-  WithInput(format, bytes, path, [&](auto& in) { ReadImageRecords<Registration::kRegistered>(in, model); });
+  WithInput(format, bytes, path,
+            [&](auto& in) { ReadImageRecords<Registration::kRegistered>(in, model); });
 }
 
 void ReadImagePoses(ModelFormat format, std::string_view bytes, const std::filesystem::path& path,
@@ -548,10 +552,12 @@ void ReadUnregisteredImages(ModelFormat format, std::string_view bytes,
   WithInput(format, bytes, path,
             [&](auto& in) { ReadImageRecords<Registration::kUnregistered>(in, model); });
 }
-void WriteUnregisteredFrames(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+void WriteUnregisteredFrames(ModelFormat format, const Reconstruction& model,
+                             std::ostream* stream) {
   WriteFrameRecords<Registration::kUnregistered>(format, model, stream);
 }
-void WriteUnregisteredImages(ModelFormat format, const Reconstruction& model, std::ostream* stream) {
+void WriteUnregisteredImages(ModelFormat format, const Reconstruction& model,
+                             std::ostream* stream) {
   WriteImageRecords<Registration::kUnregistered>(format, model, stream);
 }
 

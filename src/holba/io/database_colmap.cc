@@ -25,8 +25,6 @@ std::string PairKey(image_t image_id1, image_t image_id2) {
   return fmt::format("pair_id = {} /* images {} and {} */", PairId(id1, id2), id1, id2);
 }
 
-std::string ImageKey(image_t image_id) { return fmt::format("image_id = {}", image_id); }
-
 PointMatches ToMatches(const std::vector<uint32_t>& values) {
   PointMatches matches(values.size() / 2);
   for (size_t i = 0; i < matches.size(); ++i) matches[i] = {values[2 * i], values[2 * i + 1]};

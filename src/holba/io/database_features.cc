@@ -23,8 +23,6 @@ constexpr double kUnitTolerance = 1e-6;
 // Of a label map, so that a damaged row cannot ask for all memory.
 constexpr int64_t kMaxNumPixels = int64_t{1} << 28;
 
-std::string ImageKey(image_t image_id) { return fmt::format("image_id = {}", image_id); }
-
 std::string SizeFault(int64_t num_rows, const char* what, size_t num_bytes) {
   return fmt::format("expected {} {}, found {} bytes", num_rows, what, num_bytes);
 }

@@ -10,8 +10,6 @@
 namespace holba {
 namespace {
 
-constexpr int kCamera = static_cast<int>(SensorType::kCamera);
-
 bool SameCamera(const Camera& a, const Camera& b) {
   return a.model == b.model && a.width == b.width && a.height == b.height && a.params == b.params;
 }
@@ -28,7 +26,7 @@ std::optional<rig_t> Database::FindRigOfCamera(camera_t camera_id) const {
   Statement row(*this,
                 "SELECT rig_id FROM rigs WHERE ref_sensor_id = ?1 AND ref_sensor_type = ?2 UNION "
                 "SELECT rig_id FROM rig_sensors WHERE sensor_id = ?1 AND sensor_type = ?2");
-  if (!row.Integer(camera_id).Integer(kCamera).Step()) return std::nullopt;
+  if (!row.Integer(camera_id).Integer(kDatabaseCamera).Step()) return std::nullopt;
   return static_cast<rig_t>(row.GetInteger(0));
 }
 
@@ -36,7 +34,7 @@ rig_t Database::RigOfCamera(camera_t camera_id) {
   if (const std::optional<rig_t> rig_id = FindRigOfCamera(camera_id)) return *rig_id;
   Statement(*this, "INSERT INTO rigs(ref_sensor_id, ref_sensor_type) VALUES(?, ?)")
       .Integer(camera_id)
-      .Integer(kCamera)
+      .Integer(kDatabaseCamera)
       .Run();
   return static_cast<rig_t>(sqlite3_last_insert_rowid(handle_));
 }
@@ -46,7 +44,7 @@ bool Database::EveryImageHasAFrame() const {
   Statement missing(*this,
                     "SELECT image_id FROM images WHERE image_id NOT IN (SELECT data_id FROM "
                     "frame_data WHERE sensor_type = ?)");
-  return !missing.Integer(kCamera).Step();
+  return !missing.Integer(kDatabaseCamera).Step();
 }
 
 void Database::AddFrame(const std::vector<std::pair<image_t, camera_t>>& images) {
@@ -62,7 +60,7 @@ void Database::AddFrame(const std::vector<std::pair<image_t, camera_t>>& images)
           .Integer(frame_id)
           .Integer(image_id)
           .Integer(camera_id)
-          .Integer(kCamera)
+          .Integer(kDatabaseCamera)
           .Run();
     }
   }

@@ -8,8 +8,6 @@
 namespace holba {
 namespace {
 
-constexpr int kCamera = static_cast<int>(SensorType::kCamera);
-
 // Not set: not a number, as COLMAP has it.
 std::vector<double> ToBlob(const std::optional<Eigen::Vector3d>& vector) {
   const Eigen::Vector3d v =
@@ -31,7 +29,7 @@ void Database::WritePosePrior(image_t image_id, camera_t camera_id, const PosePr
   if (HasTable("pose_priors") && HasColumn("pose_priors", "corr_data_id")) {
     Statement(*this, "DELETE FROM pose_priors WHERE corr_data_id = ? AND corr_sensor_type = ?")
         .Integer(image_id)
-        .Integer(kCamera)
+        .Integer(kDatabaseCamera)
         .Run();
     const bool has_gravity = HasColumn("pose_priors", "gravity");
     const std::vector<double> position = ToBlob(prior.position),
@@ -43,7 +41,7 @@ void Database::WritePosePrior(image_t image_id, camera_t camera_id, const PosePr
                                         has_gravity ? ", gravity" : "", has_gravity ? ", ?" : ""));
     insert.Integer(image_id)
         .Integer(camera_id)
-        .Integer(kCamera)
+        .Integer(kDatabaseCamera)
         .Bytes(position)
         .Bytes(covariance)
         .Integer(static_cast<int>(prior.system));
@@ -59,10 +57,11 @@ std::map<image_t, PosePrior> Database::ReadPosePriors() const {
     // COLMAP 4 has a table of sensors' data, 3.9 to 3.12 one of images.
     const bool of_sensors = HasColumn("pose_priors", "corr_data_id");
     Statement rows(
-        *this, fmt::format("SELECT {}, position, coordinate_system, {} FROM pose_priors{}",
-                           of_sensors ? "corr_data_id" : "image_id",
-                           HasColumn("pose_priors", "gravity") ? "gravity" : "NULL",
-                           of_sensors ? fmt::format(" WHERE corr_sensor_type = {}", kCamera) : ""));
+        *this, fmt::format(
+                   "SELECT {}, position, coordinate_system, {} FROM pose_priors{}",
+                   of_sensors ? "corr_data_id" : "image_id",
+                   HasColumn("pose_priors", "gravity") ? "gravity" : "NULL",
+                   of_sensors ? fmt::format(" WHERE corr_sensor_type = {}", kDatabaseCamera) : ""));
     while (rows.Step()) {
       const int64_t id = rows.GetInteger(0);
       const auto read = [&](int column, const char* name) -> std::optional<Eigen::Vector3d> {

@@ -22,6 +22,12 @@ namespace holba {
 
 static_assert(std::endian::native == std::endian::little, "blobs are little-endian");
 
+// A camera in columns of types of sensors.
+inline constexpr int kDatabaseCamera = static_cast<int>(SensorType::kCamera);
+
+// The key of a row of an image, in messages and in conditions.
+inline std::string ImageKey(image_t image_id) { return fmt::format("image_id = {}", image_id); }
+
 class Database::Statement {
  public:
   Statement(const Database& database, std::string sql) : database_(database), sql_(std::move(sql)) {

@@ -7,6 +7,7 @@
 
 #include "holba/base/check.h"
 #include "holba/base/threads.h"
+#include "holba/linear/alignment.h"
 #include "holba/linear/block_kernels.h"
 
 namespace holba {
@@ -49,12 +50,12 @@ size_t ScratchStride(const BlockPattern& pattern) {
 }
 
 constexpr size_t kSlack = 16;  // kernels read whole registers that begin inside
-constexpr std::align_val_t kAlignment{64};
 }  // namespace
 
 AlignedDoubles::AlignedDoubles(size_t size) : size_(size) {
-  data_ = static_cast<double*>(::operator new((size + 2 * kSlack) * sizeof(double), kAlignment)) +
-          kSlack;
+  data_ =
+      static_cast<double*>(::operator new((size + 2 * kSlack) * sizeof(double), kMatrixAlignment)) +
+      kSlack;
   std::fill_n(data_ - kSlack, kSlack, 0.0);
   std::fill_n(data_ + size, kSlack, 0.0);
 }
@@ -66,7 +67,7 @@ AlignedDoubles& AlignedDoubles::operator=(AlignedDoubles&& other) noexcept {
   return *this;
 }
 AlignedDoubles::~AlignedDoubles() {
-  if (data_ != nullptr) ::operator delete(data_ - kSlack, kAlignment);
+  if (data_ != nullptr) ::operator delete(data_ - kSlack, kMatrixAlignment);
 }
 
 BlockMatrix::BlockMatrix(const BlockPattern* pattern) : pattern(pattern) {

@@ -23,7 +23,8 @@ double SumOfLanes(const double* lanes) {
          ((lanes[4] + lanes[5]) + (lanes[6] + lanes[7]));
 }
 
-double Dot(const std::vector<double>& x, const std::vector<double>& y) {
+// With eight partial sums.
+double DotOfEight(const std::vector<double>& x, const std::vector<double>& y) {
   const size_t n = x.size();
   double sums[kLanes] = {};
   size_t i = 0;
@@ -96,7 +97,7 @@ ConjugateGradientsResult ConjugateGradients::Solve(LinearOperator* A,
   q_.resize(size);
   std::fill(x, x + size, 0.0);
 
-  const double b_squared = Dot(r_, r_);
+  const double b_squared = DotOfEight(r_, r_);
   if (!std::isfinite(b_squared)) {
     result.end = End::kNotFinite;
     result.relative_residual = 1.0;
@@ -118,13 +119,13 @@ ConjugateGradientsResult ConjugateGradients::Solve(LinearOperator* A,
       return end_with(End::kMaxIterations, r_squared);
     const std::vector<double>& z = preconditioner != nullptr ? z_ : r_;
     if (preconditioner != nullptr) preconditioner->Apply(r_.data(), z_.data());
-    const double rho = Dot(r_, z);
+    const double rho = DotOfEight(r_, z);
     if (!std::isfinite(rho)) return end_with(End::kNotFinite, r_squared);
     if (rho <= 0.0) return end_with(End::kBadPreconditioner, r_squared);
     Turn(z, last_rho > 0.0 ? rho / last_rho : 0.0, &p_);
     last_rho = rho;
     A->Apply(p_.data(), q_.data());
-    const double curvature = Dot(p_, q_);
+    const double curvature = DotOfEight(p_, q_);
     // Finite only if all of p and q are: infinity times 0 is NaN.
     if (!std::isfinite(curvature)) return end_with(End::kNotFinite, r_squared);
     const double alpha = rho / curvature;

@@ -3,16 +3,14 @@
 #include <new>
 #include <utility>
 
+#include "holba/linear/alignment.h"
 #include "holba/linear/cholesky_factor.h"
 
 namespace holba {
-namespace {
-constexpr std::align_val_t kAlignment{64};
-}  // namespace
 
 template <typename Real>
 FactorMemory<Real>::FactorMemory(size_t size) : size_(size) {
-  data_ = static_cast<Real*>(::operator new(size * sizeof(Real), kAlignment));
+  data_ = static_cast<Real*>(::operator new(size * sizeof(Real), kMatrixAlignment));
   std::fill_n(data_, size, Real(0));
 }
 
@@ -29,7 +27,7 @@ FactorMemory<Real>& FactorMemory<Real>::operator=(FactorMemory&& other) noexcept
 
 template <typename Real>
 FactorMemory<Real>::~FactorMemory() {
-  ::operator delete(data_, kAlignment);
+  ::operator delete(data_, kMatrixAlignment);
 }
 
 template class FactorMemory<double>;

@@ -29,7 +29,8 @@ constexpr double kMinFloatPivot = 1e-6;
 // After a breakdown of float the next factors, this many, are computed in double at once.
 constexpr int kNumDoubleAfterBreakdown = 3;
 
-double Dot(const std::vector<double>& a, const std::vector<double>& b) {
+// With four partial sums.
+double DotOfFour(const std::vector<double>& a, const std::vector<double>& b) {
   double sum[4] = {};
   const size_t n = a.size();
   size_t i = 0;
@@ -166,7 +167,7 @@ class FactorSolver : public ReducedSolver {
       }
       if (iteration == kMaxIterations) return false;
       float_->Solve(r_.data(), z_.data());
-      const double next_rho = Dot(r_, z_);
+      const double next_rho = DotOfFour(r_, z_);
       if (!(next_rho > 0.0 && std::isfinite(next_rho))) return false;
       if (restart) {
         p_ = z_;
@@ -176,7 +177,7 @@ class FactorSolver : public ReducedSolver {
       }
       rho = next_rho;
       S_->Multiply(p_.data(), q_.data(), num_threads_, &scratch_);
-      const double curvature = Dot(p_, q_);
+      const double curvature = DotOfFour(p_, q_);
       if (!(curvature > 0.0 && std::isfinite(curvature))) return false;
       const double alpha = rho / curvature;
       for (size_t i = 0; i < n; ++i) x_[i] += alpha * p_[i];

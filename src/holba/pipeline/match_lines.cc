@@ -52,7 +52,7 @@ void ImportMatches(const std::string& import_path, const Reconstruction& model,
   transaction.Commit();
 }
 
-struct PairTask {
+struct LinePairTask {
   ImagePair pair;
   const std::vector<SharedPoint>* points;
   Eigen::Matrix3d F;
@@ -76,9 +76,9 @@ std::string SettingsOfPair(const std::string& matching, const Reconstruction& mo
 }
 
 void MatchPairs(const MatchLinesOptions& options, const Reconstruction& model,
-                const ImageFeatureMap& features, std::vector<PairTask>* tasks) {
+                const ImageFeatureMap& features, std::vector<LinePairTask>* tasks) {
   std::map<image_t, MatchableSegments> matchable;
-  for (const PairTask& task : *tasks) {
+  for (const LinePairTask& task : *tasks) {
     for (image_t id : {task.pair.first, task.pair.second}) {
       if (matchable.contains(id)) continue;
       matchable.emplace(
@@ -86,7 +86,7 @@ void MatchPairs(const MatchLinesOptions& options, const Reconstruction& model,
     }
   }
   ParallelTasks(options.num_threads, tasks->size(), [&](size_t i) {
-    PairTask& task = (*tasks)[i];
+    LinePairTask& task = (*tasks)[i];
     const auto& [id1, id2] = task.pair;
     task.matches =
         MatchSegments(options.matching, matchable.at(id1), matchable.at(id2), *task.points, task.F);
@@ -116,7 +116,7 @@ LineMatchMap MatchLines(const MatchLinesOptions& options, const std::string& imp
   const auto pairs = PairsWithSharedPoints(options.pairs, model);
   const std::string text = SettingsText("guided matching 2", options.matching);
   const ViewMap views(model);
-  std::vector<PairTask> open;
+  std::vector<LinePairTask> open;
   for (const auto& [pair, points] : pairs) {
     if (!HaveSegments(features, pair)) {
       matches.emplace(pair, std::vector<LineMatch>{});
@@ -143,7 +143,7 @@ LineMatchMap MatchLines(const MatchLinesOptions& options, const std::string& imp
 
   MatchPairs(options, model, features, &open);
   Database::Transaction transaction(database);
-  for (PairTask& task : open) {
+  for (LinePairTask& task : open) {
     database->WriteLineMatches(database_id.at(task.pair.first), database_id.at(task.pair.second),
                                task.settings, task.matches);
     matches.emplace(task.pair, std::move(task.matches));

@@ -17,13 +17,11 @@
 #include "holba/frontend/matching/guided_matching.h"
 #include "holba/frontend/matching/onnx_matching.h"
 #include "holba/frontend/matching/repetition.h"
+#include "holba/pipeline/pair_lists.h"
 #include "holba/pipeline/settings.h"
 
 namespace holba {
 namespace {
-
-// Pairs that are written at a time: what a run that is stopped loses.
-constexpr size_t kGroupSize = 64;
 
 struct MatchableImage {
   const DatabaseCamera* camera = nullptr;
@@ -93,7 +91,7 @@ class ImageCache {
   std::list<image_t> order_;  // the one used last at the end
 };
 
-struct PairTask {
+struct PointPairTask {
   ImagePair pair;
   bool has_matches = false;  // they were in the database
   PointMatches matches;
@@ -190,7 +188,7 @@ OnnxMatchEnd EndOf(const MatchableImage& image) {
 
 // `matcher`: null: by descriptors.
 void RunTask(const MatchPointsOptions& options, const OnnxMatcher* matcher,
-             const ImageCache& images, PairTask* task) {
+             const ImageCache& images, PointPairTask* task) {
   const MatchableImage* image1 = images.Find(task->pair.first);
   const MatchableImage* image2 = images.Find(task->pair.second);
   const double begin = ThreadSeconds();
@@ -234,10 +232,10 @@ void RunTask(const MatchPointsOptions& options, const OnnxMatcher* matcher,
   task->verify_seconds = ThreadSeconds() - middle;
 }
 
-void Write(const MatchPointsOptions& options, const std::vector<PairTask>& tasks,
+void Write(const MatchPointsOptions& options, const std::vector<PointPairTask>& tasks,
            Database* database) {
   Database::Transaction transaction(database);
-  for (const PairTask& task : tasks) {
+  for (const PointPairTask& task : tasks) {
     const auto& [id1, id2] = task.pair;
     if (!task.has_matches) {
       // As COLMAP has them: in the order of the first image's keypoints.
@@ -277,7 +275,7 @@ void Count(const ImagePair& pair, size_t num_matches, const TwoViewGeometry& geo
                            .median_angle_deg = median_angle_deg});
 }
 
-void CountTask(const PairTask& task, MatchPointsReport* report) {
+void CountTask(const PointPairTask& task, MatchPointsReport* report) {
   report->match_cpu_seconds += task.match_seconds;
   report->verify_cpu_seconds += task.verify_seconds;
   if (!task.is_verified) {
@@ -355,16 +353,16 @@ MatchPointsReport MatchPoints(const MatchPointsOptions& options,
   if (!options.onnx_matcher_path.empty()) matcher.emplace(options.onnx_matcher_path);
   ImageCache images(options, *database);
   std::set<image_t> seen, without_features;
-  for (size_t begin = 0; begin < pairs.size(); begin += kGroupSize) {
-    std::vector<PairTask> tasks;
+  for (size_t begin = 0; begin < pairs.size(); begin += kPairsPerWrite) {
+    std::vector<PointPairTask> tasks;
     std::set<image_t> wanted;
-    for (size_t i = begin; i < std::min(begin + kGroupSize, pairs.size()); ++i) {
+    for (size_t i = begin; i < std::min(begin + kPairsPerWrite, pairs.size()); ++i) {
       const bool has_matches = matched.contains(pairs[i]);
       if (has_matches && (options.skip_geometric_verification || verified.contains(pairs[i]))) {
         CountStored(*database, pairs[i], &report);
         continue;
       }
-      PairTask task{.pair = pairs[i], .has_matches = has_matches};
+      PointPairTask task{.pair = pairs[i], .has_matches = has_matches};
       if (has_matches) task.matches = *database->ReadMatches(pairs[i].first, pairs[i].second);
       tasks.push_back(std::move(task));
       wanted.insert({pairs[i].first, pairs[i].second});
@@ -377,8 +375,8 @@ MatchPointsReport MatchPoints(const MatchPointsOptions& options,
       RunTask(options, matcher ? &*matcher : nullptr, images, &tasks[i]);
     });
     if (!tasks.empty()) Write(options, tasks, database);
-    for (const PairTask& task : tasks) CountTask(task, &report);
-    progress(std::min(begin + kGroupSize, pairs.size()));
+    for (const PointPairTask& task : tasks) CountTask(task, &report);
+    progress(std::min(begin + kPairsPerWrite, pairs.size()));
   }
   for (image_t id : without_features) report.without_features.push_back(images.NameOf(id));
   report.seconds = timer.Seconds();

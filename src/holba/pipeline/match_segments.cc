@@ -14,13 +14,11 @@
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
 #include "holba/estimation/two_view/relative_pose.h"
+#include "holba/pipeline/pair_lists.h"
 #include "holba/pipeline/settings.h"
 
 namespace holba {
 namespace {
-
-// Pairs that are written at a time.
-constexpr size_t kGroupSize = 64;
 
 struct SegmentedImage {
   Camera camera;
@@ -73,7 +71,7 @@ MatchableSegments OfPixelsAsTheyAre(MatchableSegments segments) {
   return segments;
 }
 
-struct PairTask {
+struct SegmentPairTask {
   ImagePair pair;
   std::vector<SharedPoint> points;
   Epipolar epipolar;
@@ -106,15 +104,15 @@ MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
   const std::set<ImagePair> verified(verified_list.begin(), verified_list.end());
   const std::string text = SettingsText("matching by points 2", options);
 
-  for (size_t begin = 0; begin < pairs.size(); begin += kGroupSize) {
-    std::vector<PairTask> tasks;
-    for (size_t i = begin; i < std::min(begin + kGroupSize, pairs.size()); ++i) {
+  for (size_t begin = 0; begin < pairs.size(); begin += kPairsPerWrite) {
+    std::vector<SegmentPairTask> tasks;
+    for (size_t i = begin; i < std::min(begin + kPairsPerWrite, pairs.size()); ++i) {
       const auto& [id1, id2] = pairs[i];
       const auto image1 = images.find(id1), image2 = images.find(id2);
       if (image1 == images.end() || image2 == images.end() || !verified.contains(pairs[i]))
         continue;
       ++report.num_pairs;
-      PairTask task{.pair = pairs[i]};
+      SegmentPairTask task{.pair = pairs[i]};
       const auto geometry = database->ReadTwoViewGeometry(id1, id2);
       for (const auto& [idx1, idx2] : geometry->inlier_matches) {
         task.points.emplace_back(image1->second.keypoints.Position(idx1),
@@ -136,7 +134,7 @@ MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
       tasks.push_back(std::move(task));
     }
     ParallelTasks(num_threads, tasks.size(), [&](size_t i) {
-      PairTask& task = tasks[i];
+      SegmentPairTask& task = tasks[i];
       const MatchableSegments &segments1 = images.at(task.pair.first).segments,
                               &segments2 = images.at(task.pair.second).segments;
       task.matches =
@@ -147,7 +145,7 @@ MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
     });
     if (tasks.empty()) continue;
     Database::Transaction transaction(database);
-    for (const PairTask& task : tasks) {
+    for (const SegmentPairTask& task : tasks) {
       database->WriteLineMatches(task.pair.first, task.pair.second, task.settings, task.matches);
       Take(task.pair, task.matches, &report, found);
     }

@@ -19,6 +19,9 @@ enum class PairSelection { kAutomatic, kExhaustive, kSequential, kSpatial, kRetr
 // image; by retrieval the time grows with the number of images, not with its square.
 inline constexpr size_t kMaxNumExhaustive = 300;
 
+// Pairs that are matched and then written at a time: what a run that is stopped loses.
+inline constexpr size_t kPairsPerWrite = 64;
+
 // Names and defaults are COLMAP's, where it has them.
 struct PairListOptions {
   PairSelection selection = PairSelection::kExhaustive;

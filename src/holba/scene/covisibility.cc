@@ -8,12 +8,12 @@
 namespace holba {
 namespace {
 
-constexpr uint32_t kNone = kInvalidId32;
+constexpr uint32_t kNoPlace = kInvalidId32;
 
 // Sorts by a key below `num_keys`, keeping the order of equal ones; `first`: where each key begins.
 template <typename Key>
-std::vector<CovisibleSighting> CountingSort(std::span<const CovisibleSighting> sightings, size_t num_keys,
-                                        Key key, std::vector<size_t>* first) {
+std::vector<CovisibleSighting> CountingSort(std::span<const CovisibleSighting> sightings,
+                                            size_t num_keys, Key key, std::vector<size_t>* first) {
   first->assign(num_keys + 1, 0);
   for (const CovisibleSighting& s : sightings) {
     HOLBA_CHECK(key(s) < num_keys);
@@ -53,24 +53,26 @@ Covisibility::Covisibility(size_t num_images, size_t num_points,
 void Covisibility::Build(size_t num_images, size_t num_points,
                          std::span<const CovisibleSighting> sightings) {
   by_point_ = CountingSort(
-      sightings, num_points, [](const CovisibleSighting& s) { return s.point_idx; }, &first_of_point_);
+      sightings, num_points, [](const CovisibleSighting& s) { return s.point_idx; },
+      &first_of_point_);
   by_image_ = CountingSort(
-      by_point_, num_images, [](const CovisibleSighting& s) { return s.image_idx; }, &first_of_image_);
+      by_point_, num_images, [](const CovisibleSighting& s) { return s.image_idx; },
+      &first_of_image_);
 
   num_points_.assign(num_images, 0);
   first_neighbour_.assign(1, 0);
   // For each other image its place among the neighbours of this one, and the last point counted.
-  std::vector<uint32_t> place(num_images, kNone), last_point(num_images, kNone);
+  std::vector<uint32_t> place(num_images, kNoPlace), last_point(num_images, kNoPlace);
   for (uint32_t i = 0; i < num_images; ++i) {
     const size_t begin = neighbours_.size();
-    uint32_t last_own_point = kNone;
+    uint32_t last_own_point = kNoPlace;
     for (const CovisibleSighting& own : SightingsIn(i)) {
       if (own.point_idx != last_own_point) ++num_points_[i];
       last_own_point = own.point_idx;
       for (const CovisibleSighting& other : SightingsOf(own.point_idx)) {
         const uint32_t j = other.image_idx;
         if (j == i) continue;
-        if (place[j] == kNone) {
+        if (place[j] == kNoPlace) {
           place[j] = static_cast<uint32_t>(neighbours_.size() - begin);
           neighbours_.push_back({.image_idx = j});
         }
@@ -81,11 +83,10 @@ void Covisibility::Build(size_t num_images, size_t num_points,
       }
     }
     for (size_t k = begin; k < neighbours_.size(); ++k) {
-      place[neighbours_[k].image_idx] = last_point[neighbours_[k].image_idx] = kNone;
+      place[neighbours_[k].image_idx] = last_point[neighbours_[k].image_idx] = kNoPlace;
     }
-    std::sort(
-        neighbours_.begin() + static_cast<ptrdiff_t>(begin), neighbours_.end(),
-        [](const Neighbour& a, const Neighbour& b) { return a.image_idx < b.image_idx; });
+    std::sort(neighbours_.begin() + static_cast<ptrdiff_t>(begin), neighbours_.end(),
+              [](const Neighbour& a, const Neighbour& b) { return a.image_idx < b.image_idx; });
     first_neighbour_.push_back(neighbours_.size());
   }
 }
@@ -102,9 +103,9 @@ Covisibility::Shared Covisibility::SharedWithNeighbours(size_t image_idx) const 
   for (const CovisibleSighting& own : SightingsIn(image_idx)) {
     for (const CovisibleSighting& other : SightingsOf(own.point_idx)) {
       if (other.image_idx == image_idx) continue;
-      const auto it = std::lower_bound(
-          neighbours.begin(), neighbours.end(), other.image_idx,
-          [](const Neighbour& n, uint32_t image) { return n.image_idx < image; });
+      const auto it =
+          std::lower_bound(neighbours.begin(), neighbours.end(), other.image_idx,
+                           [](const Neighbour& n, uint32_t image) { return n.image_idx < image; });
       shared.sightings_[next[static_cast<size_t>(it - neighbours.begin())]++] = {
           own.point_idx, own.point2D_idx, other.point2D_idx};
     }

@@ -11,7 +11,7 @@
 namespace holba {
 namespace {
 
-constexpr size_t kNone = static_cast<size_t>(-1);
+constexpr size_t kNoIndex = static_cast<size_t>(-1);
 
 // The kinds of features that are linked: how they are called, what the two ends are.
 struct PointLinks {
@@ -68,14 +68,14 @@ class Sweep {
         (model_.images.begin() + static_cast<std::ptrdiff_t>(image_idx))->second);
   }
   size_t IndexOfImage(image_t image_id) const {
-    return model_.images.contains(image_id) ? model_.images.IndexOf(image_id) : kNone;
+    return model_.images.contains(image_id) ? model_.images.IndexOf(image_id) : kNoIndex;
   }
 
   // Whether both ends know the link, and no element before this one was the same.
   template <typename Element>
   bool MarkIfSound(uint64_t id, Element& element) {
     const size_t image_idx = IndexOfImage(element.image_id);
-    if (image_idx == kNone) return false;
+    if (image_idx == kNoIndex) return false;
     auto& features = FeaturesOf(image_idx);
     const uint32_t idx = Links::Idx(element);
     if (idx >= features.size() || Links::Named(features[idx]) != id || linked_[image_idx][idx]) {
@@ -85,8 +85,8 @@ class Sweep {
     return true;
   }
 
-  // For each image and 3D feature the one 2D feature that names it and is in no track (kNone: there
-  // are several).
+  // For each image and 3D feature the one 2D feature that names it and is in no track (kNoIndex:
+  // there are several).
   void FindUnlinked() {
     unlinked_.resize(linked_.size());
     for (size_t i = 0; i < linked_.size(); ++i) {
@@ -95,7 +95,7 @@ class Sweep {
         const uint64_t id = Links::Named(features[idx]);
         if (id == kNoId || linked_[i][idx]) continue;
         const auto [it, is_new] = unlinked_[i].emplace(id, idx);
-        if (!is_new) it->second = kNone;
+        if (!is_new) it->second = kNoIndex;
       }
     }
   }
@@ -112,7 +112,7 @@ class Sweep {
         const uint32_t idx = Links::Idx(element);
         const std::string text = fmt::format("{} {} names {} {} of image {}", Links::kName3d, id,
                                              Links::kName2d, idx, element.image_id);
-        if (image_idx == kNone) {
+        if (image_idx == kNoIndex) {
           Drop("3D features that name a missing image",
                fmt::format("{}, which is not in the model", text));
           continue;
@@ -134,7 +134,7 @@ class Sweep {
             : named == kNoId       ? fmt::format(", which names no {}", Links::kName3d)
                                    : fmt::format(", which names {} {}", Links::kName3d, named);
         const auto other = unlinked_[image_idx].find(id);
-        if (other != unlinked_[image_idx].end() && other->second != kNone) {
+        if (other != unlinked_[image_idx].end() && other->second != kNoIndex) {
           Links::Idx(element) = static_cast<uint32_t>(other->second);
           linked_[image_idx][other->second] = true;
           unlinked_[image_idx].erase(other);

@@ -199,7 +199,7 @@ void MapperState::TouchTrack(const Line3D& line) {
   for (const LineObservation& observation : line.track) Touch(observation.image_id);
 }
 
-const Visibility& MapperState::VisibilityOf(image_t image_id) {
+const ImageVisibility& MapperState::VisibilityOf(image_t image_id) {
   for (const image_t touched : touched_) {
     for (const MatchedImage& matched : graph().MatchedImages(touched))
       stale_.insert(matched.image_id);
@@ -213,11 +213,11 @@ const Visibility& MapperState::VisibilityOf(image_t image_id) {
   return entry->second;
 }
 
-Visibility MapperState::Count(image_t image_id) const {
+ImageVisibility MapperState::Count(image_t image_id) const {
   const Image& image = model_.unregistered_images.at(image_id);
   const Camera& camera = model_.cameras.at(image.camera_id);
   VisibilityPyramid pyramid(camera.width, camera.height);
-  Visibility visibility;
+  ImageVisibility visibility;
   for (point2D_t idx = 0; idx < image.points2D.size(); ++idx) {
     for (const Correspondence& other : graph().CorrespondencesOf(image_id, idx)) {
       const Image* seen = model_.images.Find(other.image_id);

@@ -23,7 +23,7 @@
 namespace holba {
 
 // How well an image without a pose sees the model.
-struct Visibility {
+struct ImageVisibility {
   size_t num_points = 0;  // keypoints with a match that has a 3D point
   size_t num_lines = 0;   // segments with a match that has a 3D line
   // COLMAP's pyramid: the more, and the more evenly spread over the image, the greater.
@@ -78,7 +78,7 @@ class MapperState {
 
   // --- Visibility of an image without a pose; counted anew only where something changed in images
   // that it has matches with.
-  const Visibility& VisibilityOf(image_t image_id);
+  const ImageVisibility& VisibilityOf(image_t image_id);
 
   // Images of the frame of an image, registered or not.
   std::vector<image_t> ImagesOfFrame(image_t image_id) const;
@@ -107,12 +107,12 @@ class MapperState {
   void Touch(image_t image_id);  // its features became, or are no longer, seen in 3D
   void TouchTrack(const Point3D& point);
   void TouchTrack(const Line3D& line);
-  Visibility Count(image_t image_id) const;
+  ImageVisibility Count(image_t image_id) const;
 
   const MappingInput* input_;
   Reconstruction model_;
   std::set<point3D_t> modified_points_;
-  std::unordered_map<image_t, Visibility> visibility_;
+  std::unordered_map<image_t, ImageVisibility> visibility_;
   std::unordered_set<image_t> touched_;  // since visibility was last asked for
   std::unordered_set<image_t> stale_;    // visibility to be counted anew
   std::unordered_map<camera_t, size_t> num_registered_;

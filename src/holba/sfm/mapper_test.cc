@@ -297,7 +297,7 @@ TEST(Mapper, VisibilityIsThatOfAFreshCount) {
   const auto expect_fresh = [&] {
     MapperState fresh(problem.input, state.model());
     for (const auto& [id, image] : state.model().unregistered_images) {
-      const Visibility &a = state.VisibilityOf(id), &b = fresh.VisibilityOf(id);
+      const ImageVisibility &a = state.VisibilityOf(id), &b = fresh.VisibilityOf(id);
       ASSERT_EQ(a.num_points, b.num_points);
       ASSERT_EQ(a.score, b.score);
     }

@@ -36,7 +36,7 @@ std::vector<image_t> RankNextImages(const NextImageOptions& options, MapperState
     if (!state->graph().Contains(id)) continue;
     const int trials = NumTrials(*state, id);
     if (trials >= options.max_trials) continue;
-    const Visibility& visibility = state->VisibilityOf(id);
+    const ImageVisibility& visibility = state->VisibilityOf(id);
     if (visibility.num_points + visibility.num_lines < static_cast<size_t>(options.min_num_visible))
       continue;
     candidates.push_back({trials > 0, visibility.score, id});

@@ -13,6 +13,7 @@
 #include "holba/base/random.h"
 #include "holba/geometry/angle.h"
 #include "holba/synthetic/group_start.h"
+#include "holba/synthetic/random_streams.h"
 #include "holba/synthetic/synthetic_associations.h"
 #include "holba/synthetic/synthetic_cameras.h"
 #include "holba/synthetic/synthetic_model.h"
@@ -25,8 +26,8 @@ namespace {
 constexpr int kImagesOfPlane = 5;
 
 // Independent streams, so that an option of one does not change what the others draw.
-enum class Stream : uint64_t {
-  kCameras,
+enum class BundleStream : uint64_t {
+  kCameras = 1,
   kStructure,
   kTracks,
   kPixels,
@@ -36,9 +37,6 @@ enum class Stream : uint64_t {
   kGroups,
   kPrimitives
 };
-Random StreamOf(uint64_t seed, Stream stream) {
-  return Random(seed * 0xda942042e4dd58b5ULL + static_cast<uint64_t>(stream) + 1);
-}
 
 void Check(const BundleProblemOptions& options) {
   if (options.num_images < 10) throw InputError("--num_images must be at least 10");
@@ -53,15 +51,9 @@ void Check(const BundleProblemOptions& options) {
   }
 }
 
-Eigen::Vector3d NormalVector(double sigma, Random* random) {
-  Eigen::Vector3d v;
-  for (double& x : v) x = random->Normal(sigma);
-  return v;
-}
-
 SyntheticStructure MakeStructure(const BundleProblemOptions& options, size_t num_frames) {
-  Random random = StreamOf(options.seed, Stream::kStructure);
-  Random primitive_random = StreamOf(options.seed, Stream::kPrimitives);
+  Random random = StreamOf(options.seed, BundleStream::kStructure);
+  Random primitive_random = StreamOf(options.seed, BundleStream::kPrimitives);
   const auto region_from = [&](Random* r) {
     if (options.layout == SceneLayout::kSphere) {
       return SyntheticRegion{Eigen::Vector3d::Zero(), Eigen::Vector3d::Constant(kCubeHalfExtent)};
@@ -170,7 +162,7 @@ void AddFeatures(const SyntheticStructure& structure, const SyntheticTracks& tra
 }
 
 void PerturbPoses(const BundleProblemOptions& options, Reconstruction* model) {
-  Random random = StreamOf(options.seed, Stream::kPoses);
+  Random random = StreamOf(options.seed, BundleStream::kPoses);
   const double rotation_noise_rad = DegToRad(options.rotation_noise_deg);
   std::vector<frame_t> frame_ids;
   for (const auto& [frame_id, frame] : model->frames) frame_ids.push_back(frame_id);
@@ -185,7 +177,7 @@ void PerturbPoses(const BundleProblemOptions& options, Reconstruction* model) {
 
 // Groups as they would be found from the noisy features, never from the truth.
 void FitGroups(const BundleProblemOptions& options, SyntheticStructure* structure) {
-  Random random = StreamOf(options.seed, Stream::kGroups);
+  Random random = StreamOf(options.seed, BundleStream::kGroups);
   const double max_distance = std::max(3.0 * options.feature_noise, 1e-6);
   constexpr double kMaxSine = 0.2;
   for (SyntheticGroup& group : structure->groups) {
@@ -232,57 +224,61 @@ void BundleProblemOptions::Describe(OptionTable* table) const {
                 "walk; the nearest in space).");
   table->Field("observation_noise_px", &observation_noise_px, AtLeast(0),
                "Standard deviation of point and line end observations, per coordinate.");
-  table->Field("rotation_noise_deg", &rotation_noise_deg, AtLeast(0),
-               "Standard deviation of the start's rotations, per axis.")
+  table
+      ->Field("rotation_noise_deg", &rotation_noise_deg, AtLeast(0),
+              "Standard deviation of the start's rotations, per axis.")
       .Advanced();
-  table->Field("translation_noise", &translation_noise, AtLeast(0),
-               "Standard deviation of the start's translations, per coordinate.")
+  table
+      ->Field("translation_noise", &translation_noise, AtLeast(0),
+              "Standard deviation of the start's translations, per coordinate.")
       .Advanced();
-  table->Field("feature_noise", &feature_noise, AtLeast(0),
-               "Standard deviation of the start's 3D points and line ends, per coordinate.")
+  table
+      ->Field("feature_noise", &feature_noise, AtLeast(0),
+              "Standard deviation of the start's 3D points and line ends, per coordinate.")
       .Advanced();
   table->Field("fraction_wrong_associations", &fraction_wrong_associations, Between(0, 0.9),
                "Share of wrong group members and wireframe edges.");
-  table->Choice("wrong_associations", &wrong_associations,
-                {{"random", WrongAssociations::kRandom}, {"nearest", WrongAssociations::kNearest}},
-                "Whether a wrong association is to any feature or to the nearest wrong one.")
+  table
+      ->Choice("wrong_associations", &wrong_associations,
+               {{"random", WrongAssociations::kRandom}, {"nearest", WrongAssociations::kNearest}},
+               "Whether a wrong association is to any feature or to the nearest wrong one.")
       .Advanced();
   table->Field("vps", &vps, "Add vanishing points of the grid lines, and relations.");
   table->Field("primitives", &primitives, Between(0, 1000),
                "Spheres to add, and as many of every other type, with 60 points each.");
-  table->Field("camera_model", &camera_model, "COLMAP's name of the camera model.")
-      .Advanced();
-  table->Field("rig_size", &rig_size, Between(1, 100),
-               "Cameras in one rig with known sensor poses; 1: no rig.")
+  table->Field("camera_model", &camera_model, "COLMAP's name of the camera model.").Advanced();
+  table
+      ->Field("rig_size", &rig_size, Between(1, 100),
+              "Cameras in one rig with known sensor poses; 1: no rig.")
       .Advanced();
 }
 
 SyntheticProblem MakeBundleProblem(const BundleProblemOptions& options) {
   Check(options);
-  Random camera_random = StreamOf(options.seed, Stream::kCameras);
+  Random camera_random = StreamOf(options.seed, BundleStream::kCameras);
   const Camera camera = MakeSyntheticCamera(options.camera_model);
   const auto make_cameras =
       options.layout == SceneLayout::kSphere ? &MakeCamerasOnSphere : &MakeCamerasInCorridor;
   const SyntheticCameras cameras =
       make_cameras(options.num_images, options.rig_size, camera, &camera_random);
   const SyntheticStructure structure = MakeStructure(options, cameras.rig_from_world.size());
-  Random track_random = StreamOf(options.seed, Stream::kTracks);
+  Random track_random = StreamOf(options.seed, BundleStream::kTracks);
   const SyntheticTracks tracks =
       MakeTracks(cameras, structure, options.layout, options.visibility, &track_random);
 
   SyntheticProblem problem;
-  Random pixel_random = StreamOf(options.seed, Stream::kPixels);
+  Random pixel_random = StreamOf(options.seed, BundleStream::kPixels);
   problem.truth = MakeImages(cameras);
   AddFeatures(structure, tracks, cameras, options.observation_noise_px, &pixel_random,
               &problem.truth);
 
   SyntheticStructure noisy = structure;
-  Random feature_random = StreamOf(options.seed, Stream::kFeatures);
+  Random feature_random = StreamOf(options.seed, BundleStream::kFeatures);
   for (Eigen::Vector3d& X : noisy.points) X += NormalVector(options.feature_noise, &feature_random);
   for (Segment3d& segment : noisy.segments) {
     for (Eigen::Vector3d& X : segment) X += NormalVector(options.feature_noise, &feature_random);
   }
-  Random association_random = StreamOf(options.seed, Stream::kAssociations);
+  Random association_random = StreamOf(options.seed, BundleStream::kAssociations);
   ReplaceAssociations(options.fraction_wrong_associations, options.wrong_associations,
                       &association_random, &noisy);
   FitGroups(options, &noisy);

@@ -14,6 +14,7 @@
 #include "holba/base/error.h"
 #include "holba/base/random.h"
 #include "holba/geometry/angle.h"
+#include "holba/synthetic/random_streams.h"
 
 namespace holba {
 namespace {
@@ -82,7 +83,7 @@ class PairMaker {
         found_(found),
         images_(images),
         likeness_(scene, options.max_match_angle_deg, options.max_match_scale),
-        random_(options.seed * 0xda942042e4dd58b5ULL + 501),
+        random_(StreamOf(options.seed, 501)),
         missing_points_(options.missing_matches),
         missing_lines_(options.missing_matches),
         wrong_points_(Odds(options.wrong_matches)),

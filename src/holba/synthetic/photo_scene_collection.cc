@@ -7,6 +7,7 @@
 
 #include "holba/base/random.h"
 #include "holba/synthetic/photo_scene.h"
+#include "holba/synthetic/random_streams.h"
 #include "holba/synthetic/synthetic_cameras.h"
 
 namespace holba {
@@ -37,18 +38,13 @@ Rigid3d FrontAround(const Eigen::Vector3d& centre, double distance, double width
   return Rigid3d(Eigen::Quaterniond::Identity(), centre) * turn * out;
 }
 
-// P(x > t) = t^-exponent, 1 <= t < high.
-double PowerLaw(double exponent, double high, Random* random) {
-  return std::min(std::pow(1.0 - random->Uniform(), -1.0 / exponent), high);
-}
-
 class CollectionMaker {
  public:
   CollectionMaker(int num_images, double density, uint64_t seed)
       : num_images_(num_images),
         density_(density),
-        random_(seed * 0xda942042e4dd58b5ULL + 401),
-        camera_random_(seed * 0xda942042e4dd58b5ULL + 402) {}
+        random_(StreamOf(seed, 401)),
+        camera_random_(StreamOf(seed, 402)) {}
 
   PhotoScene Make() {
     AddChurch();

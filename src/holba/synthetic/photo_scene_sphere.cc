@@ -8,6 +8,7 @@
 #include "holba/geometry/angle.h"
 #include "holba/group/known_types.h"
 #include "holba/synthetic/photo_scene.h"
+#include "holba/synthetic/random_streams.h"
 #include "holba/synthetic/synthetic_cameras.h"
 
 namespace holba {
@@ -54,7 +55,7 @@ ScenePart MakePiece(Random* random) {
 }  // namespace
 
 PhotoScene MakeSphereScene(int num_images, double density, uint64_t seed) {
-  Random random(seed * 0xda942042e4dd58b5ULL + 201);
+  Random random = StreamOf(seed, 201);
   PhotoScene scene;
   const Camera camera = MakeSyntheticCamera("SIMPLE_PINHOLE");
   scene.cameras = {camera};

@@ -8,6 +8,7 @@
 #include "holba/base/random.h"
 #include "holba/geometry/angle.h"
 #include "holba/synthetic/photo_scene.h"
+#include "holba/synthetic/random_streams.h"
 #include "holba/synthetic/synthetic_cameras.h"
 
 namespace holba {
@@ -70,7 +71,7 @@ class StreetMaker {
   StreetMaker(int num_images, double density, uint64_t seed)
       : num_images_(num_images),
         density_(density),
-        random_(seed * 0xda942042e4dd58b5ULL + 301),
+        random_(StreamOf(seed, 301)),
         num_loop_(std::max(kMinLoopImages, static_cast<int>(kLoopShare * num_images))),
         length_(std::max(kMinLength, kStep * (num_images - num_loop_))),
         way_(length_) {}

@@ -16,18 +16,16 @@
 #include "holba/group/known_types.h"
 #include "holba/synthetic/photo_pairs.h"
 #include "holba/synthetic/photo_structure.h"
+#include "holba/synthetic/random_streams.h"
 #include "holba/synthetic/synthetic_model.h"
 
 namespace holba {
 namespace {
 
 // Independent streams, so that an option of one does not change what the others draw.
-enum class Stream : uint64_t { kSightings, kKeypoints, kSegments, kPriors };
-uint64_t SeedOf(uint64_t seed, Stream stream) {
-  return seed * 0xda942042e4dd58b5ULL + static_cast<uint64_t>(stream) + 601;
-}
-Random StreamOfView(uint64_t seed, Stream stream, size_t view) {
-  return Random(SeedOf(seed, stream) ^ (0x9e3779b97f4a7c15ULL * (view + 1)));
+enum class PhotoStream : uint64_t { kSightings = 601, kKeypoints, kSegments, kPriors };
+Random StreamOfView(uint64_t seed, PhotoStream stream, size_t view) {
+  return Random(SeedOfStream(seed, stream) ^ (0x9e3779b97f4a7c15ULL * (view + 1)));
 }
 
 constexpr uint32_t kNone = kInvalidId32;
@@ -55,8 +53,9 @@ PhotoScene MakeDenseScene(const PhotoSetOptions& options) {
   const auto count = [&](double density) {
     PhotoScene scene = MakePhotoScene(options.scene, options.num_images, density, options.seed);
     scene.content.structure.segments.clear();
-    return static_cast<double>(NumInTracks(See(
-        scene, options.sightings, SeedOf(options.seed, Stream::kSightings), options.num_threads)));
+    return static_cast<double>(
+        NumInTracks(See(scene, options.sightings,
+                        SeedOfStream(options.seed, PhotoStream::kSightings), options.num_threads)));
   };
   constexpr double kLow = 0.2, kHigh = 0.5, kLeast = 0.02;
   const double wanted = options.points_per_image * (1.0 - options.clutter) * options.num_images;
@@ -103,7 +102,7 @@ class PhotoSetMaker {
 
   PhotoSet Make() {
     const SceneViews sightings =
-        See(scene_, options_.sightings, SeedOf(options_.seed, Stream::kSightings),
+        See(scene_, options_.sightings, SeedOfStream(options_.seed, PhotoStream::kSightings),
             options_.num_threads);
     set_.images.resize(scene_.cam_from_world.size());
     AddKeypoints(sightings);
@@ -139,7 +138,7 @@ class PhotoSetMaker {
     }
     found_.points.resize(sightings.points.size());
     for (size_t view = 0; view < of_view.size(); ++view) {
-      Random random = StreamOfView(options_.seed, Stream::kKeypoints, view);
+      Random random = StreamOfView(options_.seed, PhotoStream::kKeypoints, view);
       std::vector<Entry>& entries = of_view[view];
       for (Entry& entry : entries) {
         const double dx = random.Normal(options_.point_noise_px);
@@ -172,7 +171,7 @@ class PhotoSetMaker {
     }
     found_.lines.resize(sightings.lines.size());
     for (size_t view = 0; view < of_view.size(); ++view) {
-      Random random = StreamOfView(options_.seed, Stream::kSegments, view);
+      Random random = StreamOfView(options_.seed, PhotoStream::kSegments, view);
       std::vector<Entry>& entries = of_view[view];
       for (Entry& entry : entries) {
         entry.segment = Shortened(CameraOf(view), entry.segment, &random);
@@ -234,7 +233,7 @@ class PhotoSetMaker {
   }
 
   void AddPriors() {
-    Random random(SeedOf(options_.seed, Stream::kPriors));
+    Random random = StreamOf(options_.seed, PhotoStream::kPriors);
     constexpr double kGuessedFocalFactor = 1.2;
     for (const Camera& truth : scene_.cameras) {
       PhotoSetCamera& known =

@@ -15,27 +15,21 @@
 #include "holba/base/error.h"
 #include "holba/base/random.h"
 #include "holba/geometry/angle.h"
+#include "holba/synthetic/random_streams.h"
 #include "holba/synthetic/synthetic_cameras.h"
 
 namespace holba {
 namespace {
 
 // Independent streams, so that an option of one does not change what the others draw.
-enum class Stream : uint64_t { kCameras, kPoints, kPixels, kPoses, kStart, kFocalLengths };
-Random StreamOf(uint64_t seed, Stream stream) {
-  return Random(seed * 0xda942042e4dd58b5ULL + static_cast<uint64_t>(stream) + 101);
-}
-
-Eigen::Vector3d NormalVector(double sigma, Random* random) {
-  Eigen::Vector3d v;
-  for (double& x : v) x = random->Normal(sigma);
-  return v;
-}
-
-// Pareto distributed: P(x > t) = t^-exponent, 1 <= t < high.
-double PowerLaw(double exponent, double high, Random* random) {
-  return std::min(std::pow(1.0 - random->Uniform(), -1.0 / exponent), high);
-}
+enum class GraphStream : uint64_t {
+  kCameras = 101,
+  kPoints,
+  kPixels,
+  kPoses,
+  kStart,
+  kFocalLengths
+};
 
 struct View {
   Rigid3d cam_from_world;
@@ -195,7 +189,7 @@ std::vector<Camera> MakeCameras(const PointGraphOptions& options) {
   std::vector<Camera> cameras(options.camera_per_image ? options.num_images : 1,
                               MakeSyntheticCamera(options.camera_model));
   if (!options.camera_per_image) return cameras;
-  Random random = StreamOf(options.seed, Stream::kFocalLengths);
+  Random random = StreamOf(options.seed, GraphStream::kFocalLengths);
   for (Camera& camera : cameras) {
     const double factor = std::exp(random.Normal(0.1));
     for (const int i : camera.model->focal_idxs) camera.params[i] *= factor;
@@ -207,8 +201,8 @@ Reconstruction Assemble(const PointGraphOptions& options, PointSource* source) {
   const std::vector<View>& views = source->views();
   const auto wanted =
       static_cast<size_t>(options.observations_per_image * static_cast<double>(options.num_images));
-  Random point_random = StreamOf(options.seed, Stream::kPoints);
-  Random pixel_random = StreamOf(options.seed, Stream::kPixels);
+  Random point_random = StreamOf(options.seed, GraphStream::kPoints);
+  Random pixel_random = StreamOf(options.seed, GraphStream::kPixels);
   std::vector<Image> images(views.size());
   std::vector<Point3D> points;
   std::vector<Seen> track;
@@ -246,8 +240,8 @@ Reconstruction Assemble(const PointGraphOptions& options, PointSource* source) {
 }
 
 void Perturb(const PointGraphOptions& options, Reconstruction* model) {
-  Random pose_random = StreamOf(options.seed, Stream::kPoses);
-  Random start_random = StreamOf(options.seed, Stream::kStart);
+  Random pose_random = StreamOf(options.seed, GraphStream::kPoses);
+  Random start_random = StreamOf(options.seed, GraphStream::kStart);
   const double rotation_noise_rad = DegToRad(options.rotation_noise_deg);
   std::vector<frame_t> frame_ids;
   for (const auto& [frame_id, frame] : model->frames) frame_ids.push_back(frame_id);
@@ -277,7 +271,7 @@ SyntheticProblem MakePointGraph(const PointGraphOptions& options) {
     throw InputError("--observations_per_image must be at least 20");
   }
   const std::vector<Camera> cameras = MakeCameras(options);
-  Random camera_random = StreamOf(options.seed, Stream::kCameras);
+  Random camera_random = StreamOf(options.seed, GraphStream::kCameras);
   std::unique_ptr<PointSource> source;
   if (options.kind == PointGraphKind::kSequence) {
     source = std::make_unique<Street>(options.num_images, cameras, &camera_random);

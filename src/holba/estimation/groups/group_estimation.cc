@@ -8,17 +8,17 @@
 
 namespace holba {
 
-const FitPoint* FeatureLookup::Point(point3D_t id) {
+const MeasuredPoint* FeatureLookup::Point(point3D_t id) {
   auto [it, is_new] = points_.try_emplace(id);
   if (is_new) {
     const Point3D* point = model_.points3D.Find(id);
     const auto geometry = point ? GeometryOf(views_, *point) : std::nullopt;
-    if (geometry) it->second = FitPoint{point->xyz, geometry->LengthPerPx()};
+    if (geometry) it->second = MeasuredPoint{point->xyz, geometry->LengthPerPx()};
   }
   return it->second ? &*it->second : nullptr;
 }
 
-const FitLine* FeatureLookup::Line(line3D_t id) {
+const MeasuredLine* FeatureLookup::Line(line3D_t id) {
   auto [it, is_new] = lines_.try_emplace(id);
   if (is_new) {
     const Line3D* line = model_.lines3D.Find(id);
@@ -26,7 +26,7 @@ const FitLine* FeatureLookup::Line(line3D_t id) {
       std::vector<image_t> images;
       for (const LineObservation& o : line->track) images.push_back(o.image_id);
       const auto gsd = GroundSamplingDistance(views_, 0.5 * (line->start + line->end), images);
-      if (gsd) it->second = FitLine{line->line, line->start, line->end, *gsd};
+      if (gsd) it->second = MeasuredLine{line->line, line->start, line->end, *gsd};
     }
   }
   return it->second ? &*it->second : nullptr;
@@ -36,13 +36,13 @@ GroupFeatures FeatureLookup::Find(const GroupType& type, std::span<const point3D
                                   std::span<const line3D_t> line_ids) {
   GroupFeatures features;
   for (const point3D_t id : point_ids) {
-    const FitPoint* point = type.TakesPoints() ? Point(id) : nullptr;
+    const MeasuredPoint* point = type.TakesPoints() ? Point(id) : nullptr;
     if (!point) continue;
     features.point_ids.push_back(id);
     features.points.push_back(*point);
   }
   for (const line3D_t id : line_ids) {
-    const FitLine* line = type.TakesLines() ? Line(id) : nullptr;
+    const MeasuredLine* line = type.TakesLines() ? Line(id) : nullptr;
     if (!line) continue;
     features.line_ids.push_back(id);
     features.lines.push_back(*line);
@@ -50,21 +50,21 @@ GroupFeatures FeatureLookup::Find(const GroupType& type, std::span<const point3D
   return features;
 }
 
-double GroupResidual(const GroupType& type, const double* g, const FitPoint& point) {
+double GroupResidual(const GroupType& type, const double* g, const MeasuredPoint& point) {
   Eigen::Vector3d projected;
   if (!type.project_point(g, point.X, &projected)) return HUGE_VAL;
   return (point.X - projected).norm() / point.length_per_px;
 }
 
-double GroupResidual(const GroupType& type, const double* g, const FitLine& line) {
+double GroupResidual(const GroupType& type, const double* g, const MeasuredLine& line) {
   if (type.IsParallelism()) {
     Eigen::Vector3d v;
     type.direction(g, &v, nullptr);
     const Eigen::Vector3d& d = line.line.direction;
     return RadToDeg(std::atan2(v.cross(d).norm(), std::abs(v.dot(d))));
   }
-  return std::max(GroupResidual(type, g, FitPoint{line.start, line.length_per_px}),
-                  GroupResidual(type, g, FitPoint{line.end, line.length_per_px}));
+  return std::max(GroupResidual(type, g, MeasuredPoint{line.start, line.length_per_px}),
+                  GroupResidual(type, g, MeasuredPoint{line.end, line.length_per_px}));
 }
 
 namespace {
@@ -72,21 +72,23 @@ namespace {
 GroupResiduals ResidualsOf(const GroupType& type, const GroupFeatures& features) {
   return [&type, &features](const double* g, std::vector<double>* residuals) {
     size_t i = 0;
-    for (const FitPoint& point : features.points) (*residuals)[i++] = GroupResidual(type, g, point);
-    for (const FitLine& line : features.lines) (*residuals)[i++] = GroupResidual(type, g, line);
+    for (const MeasuredPoint& point : features.points)
+      (*residuals)[i++] = GroupResidual(type, g, point);
+    for (const MeasuredLine& line : features.lines)
+      (*residuals)[i++] = GroupResidual(type, g, line);
   };
 }
 
 // As FitMinimal takes them.
 std::vector<Eigen::Vector3d> PointsOf(const GroupFeatures& features) {
   std::vector<Eigen::Vector3d> points;
-  for (const FitPoint& point : features.points) points.push_back(point.X);
+  for (const MeasuredPoint& point : features.points) points.push_back(point.X);
   return points;
 }
 
 std::vector<PlueckerLine> LinesOf(const GroupFeatures& features) {
   std::vector<PlueckerLine> lines;
-  for (const FitLine& line : features.lines) lines.push_back(line.line);
+  for (const MeasuredLine& line : features.lines) lines.push_back(line.line);
   return lines;
 }
 

@@ -20,11 +20,12 @@
 
 namespace holba {
 
-struct FitPoint {
+// A feature and the length that is a pixel there.
+struct MeasuredPoint {
   Eigen::Vector3d X = Eigen::Vector3d::Zero();
   double length_per_px = 1.0;  // PointGeometry::LengthPerPx
 };
-struct FitLine {
+struct MeasuredLine {
   PlueckerLine line;
   Eigen::Vector3d start = Eigen::Vector3d::Zero(), end = Eigen::Vector3d::Zero();
   double length_per_px = 1.0;  // GSD at its middle
@@ -33,9 +34,9 @@ struct FitLine {
 // What a group is fitted to; ids beside the features, in the same order.
 struct GroupFeatures {
   std::vector<point3D_t> point_ids;
-  std::vector<FitPoint> points;
+  std::vector<MeasuredPoint> points;
   std::vector<line3D_t> line_ids;
-  std::vector<FitLine> lines;
+  std::vector<MeasuredLine> lines;
   size_t size() const { return points.size() + lines.size(); }
 };
 
@@ -45,8 +46,8 @@ class FeatureLookup {
   explicit FeatureLookup(const Reconstruction& model) : model_(model), views_(model) {}
   const ViewMap& views() const { return views_; }
   // Null: the model does not have the feature, or it lies behind all images that observe it.
-  const FitPoint* Point(point3D_t id);
-  const FitLine* Line(line3D_t id);
+  const MeasuredPoint* Point(point3D_t id);
+  const MeasuredLine* Line(line3D_t id);
   // The features among these that are known and that the type takes.
   GroupFeatures Find(const GroupType& type, std::span<const point3D_t> point_ids,
                      std::span<const line3D_t> line_ids);
@@ -54,15 +55,15 @@ class FeatureLookup {
  private:
   const Reconstruction& model_;
   ViewMap views_;
-  std::unordered_map<point3D_t, std::optional<FitPoint>> points_;
-  std::unordered_map<line3D_t, std::optional<FitLine>> lines_;
+  std::unordered_map<point3D_t, std::optional<MeasuredPoint>> points_;
+  std::unordered_map<line3D_t, std::optional<MeasuredLine>> lines_;
 };
 
 // Distance of a member from the group of in-memory parameters g: of a point to the surface, and of
 // a line's farther end, in pixels (units of length_per_px); for types of parallelism the angle of a
 // line in degrees. Infinite: undefined.
-double GroupResidual(const GroupType& type, const double* g, const FitPoint& point);
-double GroupResidual(const GroupType& type, const double* g, const FitLine& line);
+double GroupResidual(const GroupType& type, const double* g, const MeasuredPoint& point);
+double GroupResidual(const GroupType& type, const double* g, const MeasuredLine& line);
 
 struct GroupFitOptions {
   double max_error_px = 4.0;

@@ -25,7 +25,7 @@ GroupFeatures SphereWithOutliers(Random* random) {
   return features;
 }
 
-FitLine LineBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double length_per_px) {
+MeasuredLine LineBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double length_per_px) {
   return {PlueckerLine::FromPoints(a, b), a, b, length_per_px};
 }
 
@@ -46,7 +46,7 @@ TEST(FitGroup, FindsASphereAmongWrongPointsToItsNoise) {
 TEST(FitGroup, ResidualsAreDistancesInPixels) {
   const GroupType& plane = *FindGroupType("PLANE");
   const double g[] = {0, 0, 1, -2};
-  EXPECT_NEAR(GroupResidual(plane, g, FitPoint{{5, 6, 2.5}, 0.25}), 2.0, 1e-12);
+  EXPECT_NEAR(GroupResidual(plane, g, MeasuredPoint{{5, 6, 2.5}, 0.25}), 2.0, 1e-12);
   // The farther end decides.
   EXPECT_NEAR(GroupResidual(plane, g, LineBetween({0, 0, 2.1}, {1, 0, 1.7}, 0.1)), 3.0, 1e-12);
   const GroupType& vp = *FindGroupType("VP");

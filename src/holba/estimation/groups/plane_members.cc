@@ -152,8 +152,8 @@ std::unordered_map<Id, std::vector<bool>> MembersOf(const std::vector<PlaneExten
 // the planes that it is on by add(plane, candidate).
 template <typename Id, typename Judge, typename Add>
 PlaneMemberReport AddMembers(const std::vector<Id>& candidates, std::vector<Id> Group3D::*ids,
-                             int num_threads, const std::vector<PlaneExtent>& planes, const Judge& judge,
-                             const Add& add) {
+                             int num_threads, const std::vector<PlaneExtent>& planes,
+                             const Judge& judge, const Add& add) {
   const auto members = MembersOf(planes, ids);
   const std::vector<bool> none(planes.size(), false);
   std::vector<std::vector<Verdict>> verdicts(candidates.size());
@@ -203,20 +203,20 @@ PlaneMemberReport AddMembers(const std::vector<Id>& candidates, std::vector<Id> 
 PlaneMemberReport AddLinesToPlanes(const PlaneMemberOptions& options, Reconstruction* model) {
   FeatureLookup lookup(*model);
   std::vector<line3D_t> candidates;
-  std::vector<const FitLine*> lines;
+  std::vector<const MeasuredLine*> lines;
   size_t few_images = 0;
   for (const auto& [id, line] : model->lines3D) {
     std::set<image_t> images;
     for (const LineObservation& o : line.track) images.insert(o.image_id);
     if (images.size() < static_cast<size_t>(options.min_line_images)) {
       ++few_images;
-    } else if (const FitLine* fit = lookup.Line(id)) {
+    } else if (const MeasuredLine* fit = lookup.Line(id)) {
       candidates.push_back(id);
       lines.push_back(fit);
     }
   }
   const auto judge = [&](size_t i, const PlaneExtent& plane, double* distance) {
-    const FitLine& line = *lines[i];
+    const MeasuredLine& line = *lines[i];
     const double limit = options.max_distance_px * line.length_per_px;
     const double start = plane.Distance(line.start), end = plane.Distance(line.end);
     *distance = std::max(start, end);

@@ -57,6 +57,9 @@ struct LinePrior {
   double t_start = 0.0, t_end = 0.0;         // as parameters of the line that is given
 };
 
+// Scale of the robust loss of a segment's distances to the image of its line, px.
+inline constexpr double kSegmentCauchyPx = 1.0;
+
 // Minimises the distances of the supports' ends to the image of the line, px, with Cauchy loss of
 // the scale per support, beside the prior. Starts at `line`. False: it cannot be improved because
 // it has no image, or less than two supports.

@@ -11,8 +11,6 @@
 namespace holba {
 namespace {
 
-constexpr double kCauchyPx = 1.0;
-
 struct OfLine {
   std::vector<double> distances_px;
   size_t no_fit = 0;
@@ -39,7 +37,7 @@ OfLine LeaveOut(const Reconstruction& model, const ViewMap& views_of_model, cons
       if (s.view != view) others.push_back(s);
     }
     AnchoredLine fitted = placed.line;
-    if (!FitLine(others, LinePrior(), kCauchyPx, &fitted)) {
+    if (!FitLine(others, LinePrior(), kSegmentCauchyPx, &fitted)) {
       ++result.no_fit;
       continue;
     }

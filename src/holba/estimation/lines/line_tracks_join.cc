@@ -18,7 +18,6 @@ constexpr double kLittleJoinOverlap = 0.1;  // below it the angle's threshold fa
 constexpr double kLittleJoinOverlapDeg = 2.0;
 constexpr double kNodeSigmaPx = 2.0;  // of a hypothesis
 constexpr size_t kMaxStarts = 12;
-constexpr double kCauchyPx = 1.0;
 
 struct Edge {
   double weight;
@@ -158,7 +157,7 @@ std::vector<LineTrack> JoinSegments(const LineOptions& options, const LineScene&
       for (const SegmentKey& member : track.members) {
         const double square =
             SquaredDistance(scene.views[member.view].supports[member.segment], line);
-        cost += std::log1p(std::min(square, 1e12) / (kCauchyPx * kCauchyPx));
+        cost += std::log1p(std::min(square, 1e12) / (kSegmentCauchyPx * kSegmentCauchyPx));
       }
       if (!(cost < best)) continue;
       best = cost;

@@ -11,7 +11,6 @@
 namespace holba {
 namespace {
 
-constexpr double kCauchyPx = 1.0;
 constexpr int kMaxFits = 4;  // with members dropped in between
 // A direction or a plane is kept in a fit while the pixels allow it.
 constexpr double kMaxRmsFactor = 1.5;
@@ -57,7 +56,7 @@ bool FitAndDrop(const LineOptions& options, const LineScene& scene, LineTrack* t
   for (int fit = 0; fit < kMaxFits; ++fit) {
     if (NumImages(track->members) < 2) return false;
     const std::vector<LineSupport> supports = SupportsOf(scene, *track);
-    if (!FitLine(supports, LinePrior(), kCauchyPx, &track->line)) return false;
+    if (!FitLine(supports, LinePrior(), kSegmentCauchyPx, &track->line)) return false;
     const auto extent = ExtentOfLine(supports, track->line);
     if (!extent) return false;
     const double middle = 0.5 * (extent->first + extent->second);
@@ -115,7 +114,7 @@ int32_t FindDirection(const LineScene& scene, const LineTrack& track) {
 bool TryPrior(const std::vector<LineSupport>& supports, const LinePrior& prior, double free_rms_px,
               LineTrack* track) {
   AnchoredLine line = track->line;
-  if (!FitLine(supports, prior, kCauchyPx, &line)) return false;
+  if (!FitLine(supports, prior, kSegmentCauchyPx, &line)) return false;
   const std::optional<double> rms = RmsOfLine(supports, line);
   if (!rms || *rms >= kMaxRmsFactor * free_rms_px + kMaxRmsGainPx) return false;
   const auto extent = ExtentOfLine(supports, line);

@@ -19,7 +19,7 @@ using Eigen::Vector3d;
 // Planes that meet in a line to this are no three planes (smallest singular value, unit normals).
 constexpr double kMinSpread = 1e-6;
 // Directions closer than this say too little of a rotation about them.
-const double kMinSine = std::sin(DegToRad(5.0));
+const double kMinSineOfDirections = std::sin(DegToRad(5.0));
 constexpr int kMaxPlanes = 8;
 
 // n . (R Y + t) = 0, of all features.
@@ -126,7 +126,8 @@ std::optional<Vector3d> SolveTranslation(const Eigen::Quaterniond& rotation,
 void SolveRotation(const Vector3d& a_in_cam, const Vector3d& b_in_cam, const Vector3d& a_in_world,
                    const Vector3d& b_in_world, double max_angle_error,
                    std::vector<Eigen::Quaterniond>* rotations) {
-  if (a_in_cam.cross(b_in_cam).norm() < kMinSine || a_in_world.cross(b_in_world).norm() < kMinSine)
+  if (a_in_cam.cross(b_in_cam).norm() < kMinSineOfDirections ||
+      a_in_world.cross(b_in_world).norm() < kMinSineOfDirections)
     return;
   // Bisectors: both directions have the same part in the frame.
   const auto frame = [](const Vector3d& a, const Vector3d& b) {

@@ -16,9 +16,9 @@ using Eigen::Vector3d;
 
 constexpr int kMaxNewtonSteps = 6;
 // Of the squared sides; what Newton's method leaves where it converges.
-constexpr double kMaxResidual = 1e-6;
+constexpr double kMaxResidualOfSides = 1e-6;
 // A triangle whose height is smaller relative to its sides is a line.
-constexpr double kMinSine = 1e-9;
+constexpr double kMinSineOfTriangle = 1e-9;
 
 // The side of the triangle between the points i and j.
 struct Side {
@@ -113,7 +113,7 @@ bool Improve(const Sides& sides, Vector3d* d) {
     if (determinant == 0.0) break;
     *d -= adjugate * error / determinant;
   }
-  return size <= kMaxResidual * scale && d->minCoeff() > 0.0;
+  return size <= kMaxResidualOfSides * scale && d->minCoeff() > 0.0;
 }
 
 }  // namespace
@@ -122,7 +122,7 @@ void SolveP3P(const std::array<Vector3d, 3>& rays, const std::array<Vector3d, 3>
               std::vector<Rigid3d>* poses) {
   const Vector3d u = points[1] - points[0], v = points[2] - points[0];
   const Vector3d normal = u.cross(v);
-  if (!(normal.norm() > kMinSine * u.norm() * v.norm())) return;
+  if (!(normal.norm() > kMinSineOfTriangle * u.norm() * v.norm())) return;
   Sides sides;
   for (int k = 0; k < 3; ++k) {
     const int i = k, j = (k + 1) % 3;

@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 constexpr int kMaxDegree = 8;
 constexpr int kNewtonSteps = 5;
 // Of quadrics of norm 1 where |(1, x, y, z)| is a unit.
-constexpr double kMaxResidual = 1e-9;
+constexpr double kMaxResidualOfQuadrics = 1e-9;
 
 // sum_k c[k] z^k up to a fixed degree; terms that are always 0 are multiplied, too.
 template <int N>
@@ -87,9 +87,9 @@ bool Improve(const std::array<Quadric, 3>& quadrics, Vector3d* p) {
     const double unit = 1.0 + p->squaredNorm();
     const double error = value.cwiseAbs().maxCoeff();
     if (error < 1e-15 * unit) return true;
-    if (step == kNewtonSteps) return error < kMaxResidual * unit;
+    if (step == kNewtonSteps) return error < kMaxResidualOfQuadrics * unit;
     const Vector3d move = J.inverse() * value;
-    if (!move.allFinite()) return error < kMaxResidual * unit;
+    if (!move.allFinite()) return error < kMaxResidualOfQuadrics * unit;
     *p -= move;
   }
   return false;

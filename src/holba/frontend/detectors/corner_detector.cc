@@ -15,7 +15,7 @@ namespace {
 constexpr int kBlockSize = 3;
 constexpr int kHalfWindowPx = 2;
 // A corner that moves farther lies in no junction of straight edges.
-constexpr double kMaxMovePx = 2.0;
+constexpr double kMaxCornerMovePx = 2.0;
 // Diameter of SIFT's key point; described on the image of half the size, which shows at this size
 // all that the descriptor resolves.
 constexpr float kKeyPointSizePx = 9.0f;
@@ -56,7 +56,7 @@ Corners DetectCorners(const CornerOptions& options, const GreyImage& image, cons
   for (size_t i = 0; i < found.size(); ++i) {
     const cv::Point2f move = moved[i] - found[i];
     // OpenCV puts a corner back, exactly, that ran out of the window.
-    if (move.dot(move) > kMaxMovePx * kMaxMovePx || moved[i] == found[i]) continue;
+    if (move.dot(move) > kMaxCornerMovePx * kMaxCornerMovePx || moved[i] == found[i]) continue;
     if (!(moved[i].x >= 0.0f && moved[i].x <= static_cast<float>(image.width - 1) &&
           moved[i].y >= 0.0f && moved[i].y <= static_cast<float>(image.height - 1)))
       continue;

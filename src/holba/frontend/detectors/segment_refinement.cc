@@ -19,7 +19,7 @@ constexpr int kHalfWindow = 1;
 constexpr double kRobustScalePx = 0.6;
 constexpr double kMinInlierShare = 0.5;
 // A detector errs by less than this; a line farther away is another edge.
-constexpr double kMaxMovePx = 1.0;
+constexpr double kMaxEndMovePx = 1.0;
 
 struct Maximum {
   double along;   // from the middle of the segment
@@ -114,8 +114,8 @@ std::optional<LineSegment2d> RefineSegment(const GradientImage& gradients,
     if (std::abs(m.offset - shift - slope * m.along) < 2.0 * kRobustScalePx) ++num_inliers;
   }
   const double at_start = shift - 0.5 * slope * length, at_end = shift + 0.5 * slope * length;
-  if (num_inliers < kMinInlierShare * count || std::abs(at_start) > kMaxMovePx ||
-      std::abs(at_end) > kMaxMovePx)
+  if (num_inliers < kMinInlierShare * count || std::abs(at_start) > kMaxEndMovePx ||
+      std::abs(at_end) > kMaxEndMovePx)
     return std::nullopt;
   const Eigen::Vector2d across = normal.cast<double>();
   return LineSegment2d{segment.start + at_start * across, segment.end + at_end * across};

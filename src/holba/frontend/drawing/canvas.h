@@ -12,6 +12,8 @@
 
 namespace holba {
 
+// Of what has no colour of its own.
+inline constexpr Rgb kGrey = {100, 100, 100}, kBlack = {30, 30, 30};
 // Told apart also beside each other and on grey. Later rounds through the palette are darker.
 Rgb PaletteColour(size_t index);
 

@@ -16,8 +16,7 @@
 namespace holba {
 namespace {
 
-constexpr Rgb kGrey = {100, 100, 100}, kBlack = {30, 30, 30}, kPointColour = {20, 90, 60},
-              kRejected = {200, 30, 30};
+constexpr Rgb kPointColour = {20, 90, 60}, kRejected = {200, 30, 30};
 constexpr int kGapPx = 6;       // between the images of a row
 constexpr int kCaptionPx = 26;  // height of the words above a row
 constexpr double kLetterPx = 11.0;

@@ -18,9 +18,8 @@
 namespace holba {
 namespace {
 
-constexpr Rgb kGrey = {100, 100, 100}, kBlack = {30, 30, 30}, kWhite = {255, 255, 255},
-              kPale = {215, 215, 215};
-constexpr double kSegmentWidth = 1.8, kFaintWidth = 0.6, kFaintOpacity = 0.5;
+constexpr Rgb kWhite = {255, 255, 255}, kPale = {215, 215, 215};
+constexpr double kLineWidth = 1.8, kFaintWidth = 0.6, kFaintOpacity = 0.5;
 
 // A vertical direction among the vanishing points is within this of the cameras' mean down axis.
 constexpr double kMaxVerticalAngleDeg = 30.0;
@@ -210,7 +209,7 @@ ColourImage DrawSegments(const Reconstruction& model, image_t image_id,
   for (const bool has_vp : {false, true}) {
     for (const Line2D& line : image.lines2D) {
       if (line.line3D_id == kNoId || colours.contains(line.line3D_id) != has_vp) continue;
-      draw(line, ColourOr(colours, line.line3D_id, kGrey), kSegmentWidth);
+      draw(line, ColourOr(colours, line.line3D_id, kGrey), kLineWidth);
     }
   }
   return canvas.ToImage();
@@ -307,7 +306,7 @@ ColourImage DrawWireframe(const Reconstruction& model, image_t image_id,
   });
   for (const Line2D& line : image.lines2D) {
     if (!joined.contains(line.line3D_id)) continue;
-    draw(line, ColourOr(colours, line.line3D_id, kGrey), kSegmentWidth);
+    draw(line, ColourOr(colours, line.line3D_id, kGrey), kLineWidth);
   }
   for (const Point2D& point : image.points2D) {
     const auto lines = lines_of_point.find(point.point3D_id);

@@ -24,7 +24,7 @@ namespace {
 // lines before those that may be of points.
 constexpr std::array<std::string_view, 4> kMatchKeys = {"line_matches0", "line_matches", "matches0",
                                                         "matches"};
-constexpr std::array<std::string_view, 6> kScoreKeys = {
+constexpr std::array<std::string_view, 6> kMatchScoreKeys = {
     "line_matching_scores0", "line_match_scores0", "line_scores",
     "matching_scores0",      "match_scores0",      "scores"};
 
@@ -76,17 +76,17 @@ std::vector<LineMatch> TakeMatches(const StoredArray& stored, const StoredArray*
   return matches;
 }
 
-std::vector<RawLineMatches> ReadArrays(const fs::path& path) {
+std::vector<RawLineMatches> ReadMatchArrays(const fs::path& path) {
   const StoredArrays stored = ReadStoredArrays(path, [](std::string_view array_path) {
     const std::string_view key = SplitLast(array_path).second;
     return PositionOf(kMatchKeys, key) < kMatchKeys.size() ||
-           PositionOf(kScoreKeys, key) < kScoreKeys.size();
+           PositionOf(kMatchScoreKeys, key) < kMatchScoreKeys.size();
   });
   struct PairArrays {
     const StoredArray* matches = nullptr;
     const StoredArray* scores = nullptr;
     size_t matches_rank = kMatchKeys.size();
-    size_t scores_rank = kScoreKeys.size();
+    size_t scores_rank = kMatchScoreKeys.size();
   };
   std::map<std::string, PairArrays> by_pair;
   for (const auto& [array_path, array] : stored) {
@@ -96,7 +96,7 @@ std::vector<RawLineMatches> ReadArrays(const fs::path& path) {
       arrays.matches_rank = rank;
       arrays.matches = &array;
     }
-    if (const size_t rank = PositionOf(kScoreKeys, key); rank < arrays.scores_rank) {
+    if (const size_t rank = PositionOf(kMatchScoreKeys, key); rank < arrays.scores_rank) {
       arrays.scores_rank = rank;
       arrays.scores = &array;
     }
@@ -151,7 +151,7 @@ LineMatchMap ImportLineMatches(const fs::path& path, const Reconstruction& model
   if (path.extension() == ".txt") {
     all = ParseLineMatchText(ReadFileBytes(path), path);
   } else if (HoldsArrays(path)) {
-    all = ReadArrays(path);
+    all = ReadMatchArrays(path);
     if (fs::is_directory(path)) {
       for (const auto& [name, file] : FilesBelow(path)) {
         if (file.extension() != ".txt") continue;

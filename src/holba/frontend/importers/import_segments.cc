@@ -25,7 +25,8 @@ namespace {
 constexpr std::array<std::string_view, 5> kSegmentKeys = {"lines", "segments", "line_segments",
                                                           "lines2D", "keypoints"};
 constexpr std::array<std::string_view, 2> kDescriptorKeys = {"line_descriptors", "descriptors"};
-constexpr std::array<std::string_view, 3> kScoreKeys = {"line_scores", "scores", "keypoint_scores"};
+constexpr std::array<std::string_view, 3> kSegmentScoreKeys = {"line_scores", "scores",
+                                                               "keypoint_scores"};
 constexpr std::string_view kPixelCentreKey = "pixel_centre";
 constexpr std::string_view kImageSizeKey = "image_size";
 
@@ -35,8 +36,8 @@ bool IsOneOf(const std::array<std::string_view, n>& keys, std::string_view key) 
 }
 
 bool IsKey(std::string_view key) {
-  return IsOneOf(kSegmentKeys, key) || IsOneOf(kDescriptorKeys, key) || IsOneOf(kScoreKeys, key) ||
-         key == kPixelCentreKey || key == kImageSizeKey;
+  return IsOneOf(kSegmentKeys, key) || IsOneOf(kDescriptorKeys, key) ||
+         IsOneOf(kSegmentScoreKeys, key) || key == kPixelCentreKey || key == kImageSizeKey;
 }
 
 // Values for each segment: 4, or 5 with a score; 0: the shape is not one of segments.
@@ -144,7 +145,7 @@ std::optional<RawSegments> FromArrays(const ImageArrays& arrays) {
     break;
   }
   if (!found) return std::nullopt;
-  for (const std::string_view key : kScoreKeys) {
+  for (const std::string_view key : kSegmentScoreKeys) {
     const auto it = arrays.find(key);
     if (it == arrays.end()) continue;
     // With lines of their own, "scores" may be those of points.
@@ -189,7 +190,7 @@ void Merge(std::map<std::string, RawSegments>* all, std::map<std::string, RawSeg
   }
 }
 
-std::map<std::string, RawSegments> ReadArrays(const fs::path& path) {
+std::map<std::string, RawSegments> ReadSegmentArrays(const fs::path& path) {
   const StoredArrays stored = ReadStoredArrays(path, [&](std::string_view array_path) {
     // In an archive or a folder an array may be named by its image alone.
     return IsKey(SplitLast(array_path).second) || !HasHdf5Extension(path);
@@ -317,7 +318,7 @@ std::map<std::string, RawSegments> ReadSegments(const fs::path& path) {
       if (!IsText(file)) continue;
       Merge(&all, ParseSegmentText(ReadFileBytes(file), file, std::string(WithoutExtension(name))));
     }
-    Merge(&all, ReadArrays(path));
+    Merge(&all, ReadSegmentArrays(path));
     if (all.empty()) {
       throw InputError(
           path,
@@ -326,7 +327,7 @@ std::map<std::string, RawSegments> ReadSegments(const fs::path& path) {
   } else if (IsText(path)) {
     all = ParseSegmentText(ReadFileBytes(path), path, path.stem().string());
   } else if (HoldsArrays(path)) {
-    all = ReadArrays(path);
+    all = ReadSegmentArrays(path);
   } else {
     throw InputError(path,
                      "expected a folder, or a file that ends in .txt, .npz, .npy, .h5 or .hdf5");

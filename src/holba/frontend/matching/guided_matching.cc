@@ -53,7 +53,7 @@ void FindAllowed(const GuidingGeometry& geometry, const MappedPoints& p1, const 
   }
 }
 
-struct Nearest {
+struct NearestOfGuided {
   double best = 0.0, second = 0.0;  // cosines
   int32_t idx = -1;
 
@@ -89,7 +89,7 @@ DescriptorMatches MatchGuided(const DescriptorMatchOptions& options,
       to_point ? Eigen::Matrix3d(geometry.H->inverse()) : Eigen::Matrix3d(geometry.F->transpose());
   const MappedPoints p1(positions1, forward, to_point), p2(positions2, backward, to_point);
 
-  std::vector<Nearest> of_first(descriptors1.size()), of_second(descriptors2.size());
+  std::vector<NearestOfGuided> of_first(descriptors1.size()), of_second(descriptors2.size());
   std::vector<uint8_t> allowed(descriptors2.size());
   for (size_t i = 0; i < descriptors1.size(); ++i) {
     if (!positions1[i]) continue;
@@ -102,8 +102,8 @@ DescriptorMatches MatchGuided(const DescriptorMatchOptions& options,
     }
   }
   std::vector<FoundNeighbour> first, second;
-  for (const Nearest& n : of_first) first.push_back({n.best, n.second, n.idx});
-  for (const Nearest& n : of_second) second.push_back({n.best, n.second, n.idx});
+  for (const NearestOfGuided& n : of_first) first.push_back({n.best, n.second, n.idx});
+  for (const NearestOfGuided& n : of_second) second.push_back({n.best, n.second, n.idx});
   return SelectMatches(options, descriptors1.are_floats(), first, second);
 }
 

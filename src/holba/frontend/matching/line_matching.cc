@@ -225,9 +225,9 @@ Eigen::Vector2f Direction(const LineSegment2d& segment) {
 }
 
 // The k smallest of a list that is filled one by one.
-class Nearest {
+class KNearest {
  public:
-  explicit Nearest(size_t k) : k_(k) {}
+  explicit KNearest(size_t k) : k_(k) {}
   void Add(float distance, uint32_t idx) {
     const std::pair entry(distance, idx);
     if (entries_.size() == k_) {
@@ -307,8 +307,8 @@ std::vector<LineMatch> MatchSegments(const LineMatchingOptions& options,
 
   const float min_overlap = static_cast<float>(options.min_epipolar_overlap);
 
-  std::vector<Nearest> nearest1(n1, Nearest(options.num_matches));
-  std::vector<Nearest> nearest2(n2, Nearest(options.num_matches));
+  std::vector<KNearest> nearest1(n1, KNearest(options.num_matches));
+  std::vector<KNearest> nearest2(n2, KNearest(options.num_matches));
   std::vector<float> cosines(n2);
   const SegmentEnds ends2(segments2.ideal);
   std::vector<uint8_t> beside(n2, 0);

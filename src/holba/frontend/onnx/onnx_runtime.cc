@@ -64,10 +64,12 @@ constexpr const char* kNames[] = {"libonnxruntime.so.1", "libonnxruntime.so"};
 // Null: it cannot be loaded.
 void* Open(const std::string& library) { return dlopen(library.c_str(), RTLD_NOW | RTLD_LOCAL); }
 
+}  // namespace
+
 // The library that is asked for; it stays loaded.
-class Runtime {
+class OnnxRuntime {
  public:
-  explicit Runtime(const std::string& library) {
+  explicit OnnxRuntime(const std::string& library) {
     void* handle = Open(library);
     if (handle == nullptr) {
       throw InputError(library,
@@ -118,20 +120,22 @@ class Runtime {
   void *env_ = nullptr, *memory_ = nullptr, *allocator_ = nullptr;
 };
 
+namespace {
+
 // One for each library, never unloaded: its threads and statics outlive any model.
-const Runtime& RuntimeOf(const std::string& library) {
+const OnnxRuntime& RuntimeOf(const std::string& library) {
   static std::mutex mutex;
-  static auto* runtimes = new std::map<std::string, std::unique_ptr<Runtime>>();
+  static auto* runtimes = new std::map<std::string, std::unique_ptr<OnnxRuntime>>();
   const std::lock_guard lock(mutex);
   auto& runtime = (*runtimes)[library];
-  if (!runtime) runtime = std::make_unique<Runtime>(library);
+  if (!runtime) runtime = std::make_unique<OnnxRuntime>(library);
   return *runtime;
 }
 
 // A value of the runtime, released at the end.
 class Value {
  public:
-  explicit Value(const Runtime& runtime) : runtime_(&runtime) {}
+  explicit Value(const OnnxRuntime& runtime) : runtime_(&runtime) {}
   Value(Value&& other) noexcept
       : value_(std::exchange(other.value_, nullptr)), runtime_(other.runtime_) {}
   Value(const Value&) = delete;
@@ -142,7 +146,7 @@ class Value {
   void* value_ = nullptr;
 
  private:
-  const Runtime* runtime_;
+  const OnnxRuntime* runtime_;
 };
 
 size_t NumElements(const std::vector<int64_t>& shape) {
@@ -170,7 +174,7 @@ std::optional<std::string> FindOnnxRuntime() {
 
 struct OnnxModel::Session {
   std::filesystem::path path;
-  const Runtime* runtime = nullptr;
+  const OnnxRuntime* runtime = nullptr;
   void* handle = nullptr;
   std::vector<std::string> input_names, output_names;
 
@@ -265,7 +269,7 @@ OnnxModel::OnnxModel(const std::filesystem::path& path, const std::filesystem::p
   }
   session_->path = path;
   session_->runtime = &RuntimeOf(*found);
-  const Runtime& runtime = *session_->runtime;
+  const OnnxRuntime& runtime = *session_->runtime;
   void* options = nullptr;
   runtime.Check(path, runtime.Call<const void*, void**>(kCreateSessionOptions, &options));
   const void* status = nullptr;
@@ -291,7 +295,7 @@ const std::vector<std::string>& OnnxModel::output_names() const { return session
 std::vector<OnnxTensor> OnnxModel::Run(
     const std::vector<std::pair<std::string, OnnxTensor>>& inputs,
     const std::vector<std::string>& outputs) const {
-  const Runtime& runtime = *session_->runtime;
+  const OnnxRuntime& runtime = *session_->runtime;
   std::vector<Value> values;
   std::vector<const char*> input_names, output_names;
   std::vector<void*> input_values, output_values(outputs.size(), nullptr);

@@ -24,7 +24,7 @@ using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
 
 // libjpeg's way out of an error is a jump: nothing with a destructor may be made between setjmp and
 // the calls that may fail.
-struct ErrorHandler {
+struct JpegErrorHandler {
   jpeg_error_mgr manager;
   std::jmp_buf back;
   char message[JMSG_LENGTH_MAX] = {};
@@ -32,7 +32,7 @@ struct ErrorHandler {
 };
 
 void Fail(j_common_ptr info) {
-  auto* handler = reinterpret_cast<ErrorHandler*>(info->err);
+  auto* handler = reinterpret_cast<JpegErrorHandler*>(info->err);
   info->err->format_message(info, handler->message);
   std::longjmp(handler->back, 1);
 }
@@ -42,10 +42,10 @@ void Ignore(j_common_ptr) {}
 // Most warnings are about what does not matter.
 void Warn(j_common_ptr info, int level) {
   if (level < 0 && info->err->msg_code == JWRN_JPEG_EOF)
-    reinterpret_cast<ErrorHandler*>(info->err)->ends_early = true;
+    reinterpret_cast<JpegErrorHandler*>(info->err)->ends_early = true;
 }
 
-void SetHandler(ErrorHandler* handler) {
+void SetHandler(JpegErrorHandler* handler) {
   jpeg_std_error(&handler->manager);
   handler->manager.error_exit = Fail;
   handler->manager.emit_message = Warn;
@@ -53,8 +53,8 @@ void SetHandler(ErrorHandler* handler) {
 }
 
 // False: handler->message says why. `channels`: 1, 3 or 4 (CMYK, whatever `grey` says).
-bool Decode(std::FILE* file, bool grey, ErrorHandler* handler, DecodedImage* image,
-            size_t* channels) {
+bool DecodeJpeg(std::FILE* file, bool grey, JpegErrorHandler* handler, DecodedImage* image,
+                size_t* channels) {
   jpeg_decompress_struct info;
   SetHandler(handler);
   info.err = &handler->manager;
@@ -89,9 +89,9 @@ bool Decode(std::FILE* file, bool grey, ErrorHandler* handler, DecodedImage* ima
   return true;
 }
 
-bool Encode(const ColourImage& image, std::FILE* file) {
+bool EncodeJpeg(const ColourImage& image, std::FILE* file) {
   jpeg_compress_struct info;
-  ErrorHandler handler;
+  JpegErrorHandler handler;
   SetHandler(&handler);
   info.err = &handler.manager;
   if (setjmp(handler.back)) {
@@ -123,9 +123,9 @@ DecodedImage ReadJpeg(const std::filesystem::path& path, bool grey) {
   const File file(std::fopen(path.c_str(), "rb"), std::fclose);
   if (!file) throw CannotBeRead(path, SystemFault());
   DecodedImage image;
-  ErrorHandler handler;
+  JpegErrorHandler handler;
   size_t channels = 0;
-  if (!Decode(file.get(), grey, &handler, &image, &channels))
+  if (!DecodeJpeg(file.get(), grey, &handler, &image, &channels))
     throw CannotBeDecoded(path, "JPEG", handler.message);
   image.ends_early = handler.ends_early;
   if (channels < 4) return image;
@@ -142,7 +142,7 @@ DecodedImage ReadJpeg(const std::filesystem::path& path, bool grey) {
 
 bool WriteJpeg(const ColourImage& image, const std::filesystem::path& path) {
   File file(std::fopen(path.c_str(), "wb"), std::fclose);
-  if (!file || !Encode(image, file.get())) return false;
+  if (!file || !EncodeJpeg(image, file.get())) return false;
   return std::fclose(file.release()) == 0;
 }
 

@@ -19,13 +19,13 @@ namespace {
 using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
 
 // As libjpeg, libpng leaves by a jump.
-struct ErrorHandler {
+struct PngErrorHandler {
   std::jmp_buf back;
   char message[200] = {};
 };
 
 [[noreturn]] void Fail(png_structp png, png_const_charp message) {
-  auto* handler = static_cast<ErrorHandler*>(png_get_error_ptr(png));
+  auto* handler = static_cast<PngErrorHandler*>(png_get_error_ptr(png));
   std::snprintf(handler->message, sizeof(handler->message), "%s", message);
   std::longjmp(handler->back, 1);
 }
@@ -33,7 +33,7 @@ struct ErrorHandler {
 void Ignore(png_structp, png_const_charp) {}
 
 // RGB. False: handler->message says why.
-bool Decode(std::FILE* file, ErrorHandler* handler, DecodedImage* image) {
+bool DecodePng(std::FILE* file, PngErrorHandler* handler, DecodedImage* image) {
   png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, handler, Fail, Ignore);
   if (png == nullptr) return false;
   // Before setjmp: what changes after it is lost in the jump.
@@ -66,8 +66,8 @@ bool Decode(std::FILE* file, ErrorHandler* handler, DecodedImage* image) {
   return true;
 }
 
-bool Encode(const ColourImage& image, std::FILE* file) {
-  ErrorHandler handler;
+bool EncodePng(const ColourImage& image, std::FILE* file) {
+  PngErrorHandler handler;
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &handler, Fail, Ignore);
   if (png == nullptr) return false;
   png_infop info = png_create_info_struct(png);
@@ -95,14 +95,14 @@ DecodedImage ReadPng(const std::filesystem::path& path) {
   const File file(std::fopen(path.c_str(), "rb"), std::fclose);
   if (!file) throw CannotBeRead(path, SystemFault());
   DecodedImage image;
-  ErrorHandler handler;
-  if (!Decode(file.get(), &handler, &image)) throw CannotBeDecoded(path, "PNG", handler.message);
+  PngErrorHandler handler;
+  if (!DecodePng(file.get(), &handler, &image)) throw CannotBeDecoded(path, "PNG", handler.message);
   return image;
 }
 
 bool WritePng(const ColourImage& image, const std::filesystem::path& path) {
   File file(std::fopen(path.c_str(), "wb"), std::fclose);
-  if (!file || !Encode(image, file.get())) return false;
+  if (!file || !EncodePng(image, file.get())) return false;
   return std::fclose(file.release()) == 0;
 }
 
