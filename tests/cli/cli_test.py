@@ -153,7 +153,7 @@ class Errors(Case):
         paths = ("--input_path", self.model, "--output_path", output)
         for words, part in [
                 (("convert", *paths, "--output_tpye", "txt"), "did you mean '--output_type'?"),
-                (("convert", *paths, "--output_type", "doc"), "one of txt|bin|ply"),
+                (("convert", *paths, "--output_type", "doc"), "one of txt|bin|limap|nerfstudio|ply"),
                 (("convert", *paths, "--output_type"), "--output_type"),
                 (("convert", *paths, "stray"), "unexpected argument 'stray'"),
                 (("convert", "--output_path", output), "--input_path must be given"),
