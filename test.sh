@@ -19,4 +19,15 @@ if [[ -z ${HOLBA_ONNXRUNTIME:-} ]]; then
   fi
   if [[ -n $library ]]; then export HOLBA_ONNXRUNTIME=$library; fi
 fi
+# LIMAP itself reads our files and writes them back, where PyPI has it. Its wheel names a whole front end among what it
+# needs, which reading files does not.
+if [[ -z ${HOLBA_PYLIMAP:-} ]]; then
+  pylimap=$holba_build/pylimap
+  if ! "$pylimap/bin/python" -c 'import limap' >/dev/null 2>&1; then
+    { python3 -m venv "$pylimap" &&
+      "$pylimap/bin/pip" install --quiet --no-deps pylimap==2.0.0 pycolmap==4.2.0 'numpy>=1.26'; } >&2 ||
+      echo "No pylimap 2.0.0 from PyPI: the test limap/round_trip is skipped." >&2
+  fi
+  if "$pylimap/bin/python" -c 'import limap' >/dev/null 2>&1; then export HOLBA_PYLIMAP=$pylimap/bin/python; fi
+fi
 exec ctest --test-dir "$holba_build" --output-on-failure -j "$(nproc)" "$@"

@@ -12,7 +12,9 @@
 #include <string>
 #include <vector>
 
+#include "apps/build_info.h"
 #include "apps/command.h"
+#include "apps/command_docs.h"
 #include "apps/command_line.h"
 #include "holba/base/error.h"
 #include "holba/base/printable.h"
@@ -81,6 +83,10 @@ std::string UnknownCommand(const std::string& name) {
                      nearest.empty() ? "" : fmt::format(", did you mean '{}'?", nearest));
 }
 
+std::string UnexpectedArgument(const std::string& argument) {
+  return fmt::format("unexpected argument '{}'; see 'holba help'", argument);
+}
+
 const Command& GetCommand(const std::string& name) {
   const Command* const command = FindCommand(name);
   if (command == nullptr) throw InputError(UnknownCommand(name));
@@ -92,13 +98,20 @@ const Command& GetCommand(const std::string& name) {
 int RunProgram(const std::vector<std::string>& arguments) {
   const std::string first = arguments.empty() ? "help" : arguments.front();
   if (first == "--version" || first == "-V") {
-    return Guarded("holba", [] { PrintResult(fmt::format("holba {}\n", HOLBA_VERSION)); });
+    return Guarded("holba", [] { PrintResult(VersionText()); });
+  }
+  // For shells and man; no commands that help lists.
+  if (first == "completion" || first == "man") {
+    return Guarded("holba", [&] {
+      if (arguments.size() > 2) throw InputError(UnexpectedArgument(arguments[2]));
+      const std::string of = arguments.size() > 1 ? arguments[1] : "";
+      PrintResult(first == "man" ? ManPage(of) : CompletionScript(of));
+    });
   }
   if (first == "help" || first == "--help" || first == "-h") {
     return Guarded("holba", [&] {
       if (arguments.size() < 2) return PrintResult(ProgramHelp());
-      if (arguments.size() > 3)
-        throw InputError(fmt::format("unexpected argument '{}'; see 'holba help'", arguments[3]));
+      if (arguments.size() > 3) throw InputError(UnexpectedArgument(arguments[3]));
       const Command& command = GetCommand(arguments[1]);
       PrintResult(CommandHelp(command, ParseHelpForm(arguments.size() > 2 ? arguments[2] : "")));
     });

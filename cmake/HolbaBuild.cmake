@@ -276,20 +276,21 @@ function(holba_install_package)
   target_link_libraries(holba_holba INTERFACE ${targets})
   add_library(holba::holba ALIAS holba_holba)
   install(TARGETS holba_holba ${targets} EXPORT holbaTargets
-          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/holba DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development
+          LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/holba DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development
           FILES_MATCHING PATTERN "*.h" PATTERN fuzz EXCLUDE
           # Helpers of tests stay here.
           PATTERN "*_testing.h" EXCLUDE PATTERN test_scenes.h EXCLUDE
           # Shows OpenCV to its users, which the package does not look for.
           PATTERN sift_scale_space.h EXCLUDE PATTERN sift_descriptor.h EXCLUDE
           PATTERN test_models.h EXCLUDE PATTERN random_model.h EXCLUDE PATTERN camera_examples.h EXCLUDE)
-  install(EXPORT holbaTargets NAMESPACE holba:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba)
+  install(EXPORT holbaTargets NAMESPACE holba:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba COMPONENT development)
   configure_package_config_file(
     ${PROJECT_SOURCE_DIR}/cmake/holbaConfig.cmake.in ${CMAKE_BINARY_DIR}/holbaConfig.cmake
     INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba)
   write_basic_package_version_file(${CMAKE_BINARY_DIR}/holbaConfigVersion.cmake
                                    COMPATIBILITY SameMinorVersion)
   install(FILES ${CMAKE_BINARY_DIR}/holbaConfig.cmake ${CMAKE_BINARY_DIR}/holbaConfigVersion.cmake
-          DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba)
+          DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/holba COMPONENT development)
 endfunction()

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // holba adjust: holistic bundle adjustment of a model, or of a BAL problem.
-#include <filesystem>
 #include <string>
 
 #include "apps/command.h"
@@ -19,7 +18,9 @@ namespace {
 class AdjustJob : public Job {
  public:
   void Describe(OptionTable* table) const override {
-    table->Field("input_path", &input_path_, "Model folder, or a BAL file (.bz2 is read, too).")
+    table
+        ->Field("input_path", &input_path_,
+                "Model: a folder, a file of another program, or a BAL file (.bz2 is read, too).")
         .Required();
     table->Field("output_path", &output_path_, "Model folder; for a BAL file, a BAL file.")
         .Required();
@@ -76,7 +77,7 @@ class AdjustJob : public Job {
   }
 
  private:
-  bool IsBal() const { return std::filesystem::is_regular_file(input_path_); }
+  bool IsBal() const { return IsReadAsBal(input_path_); }
 
   std::string input_path_;
   std::string output_path_;

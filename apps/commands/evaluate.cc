@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <filesystem>
 #include <string>
 
 #include "apps/command.h"
@@ -48,7 +47,9 @@ nlohmann::json TruthErrorsToJson(const Reconstruction& model, const Reconstructi
 class EvaluateJob : public Job {
  public:
   void Describe(OptionTable* table) const override {
-    table->Field("input_path", &input_path_, "Model folder, or a BAL file (.bz2 is read, too).")
+    table
+        ->Field("input_path", &input_path_,
+                "Model: a folder, a file of another program, or a BAL file (.bz2, too).")
         .Required();
     table->Field(
         "ground_truth_path", &ground_truth_path_,
@@ -68,7 +69,7 @@ class EvaluateJob : public Job {
   void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
 
   void Run(const Invocation& invocation) override {
-    const bool is_bal = std::filesystem::is_regular_file(input_path_);
+    const bool is_bal = IsReadAsBal(input_path_);
     const Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_, read_);
     std::vector<GroupMeasurement> measurements;
     if (!measurements_path_.empty())

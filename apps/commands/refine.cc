@@ -16,6 +16,7 @@
 #include "holba/base/file_faults.h"
 #include "holba/base/log.h"
 #include "holba/base/timer.h"
+#include "holba/base/words.h"
 #include "holba/bundle/plausibility.h"
 #include "holba/bundle/uncertainty.h"
 #include "holba/estimation/lines/line_leave_one_out.h"
@@ -24,6 +25,7 @@
 #include "holba/io/files.h"
 #include "holba/io/model_io.h"
 #include "holba/io/uncertainty_file.h"
+#include "holba/pipeline/camera_sizes.h"
 #include "holba/pipeline/colours.h"
 #include "holba/pipeline/detection.h"
 #include "holba/pipeline/match_lines.h"
@@ -127,6 +129,9 @@ class RefineJob : public Job {
     detection_.strict = read_.strict;
     HoldOpenCvThreads();
     photographs_ = PhotographFolder(image_path_, *model);
+    if (const size_t num_cameras = TakeSizesFromPhotographs(photographs_, model); num_cameras > 0) {
+      LogInfo("The sizes of {} are those of the photographs", Counted(num_cameras, "camera"));
+    }
 
     const std::filesystem::path database_path = DatabasePath();
     Database database(database_path);

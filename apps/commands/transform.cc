@@ -92,7 +92,8 @@ Sim3d Compose(const Sim3d& c_from_b, const Sim3d& b_from_a) {
 class TransformJob : public Job {
  public:
   void Describe(OptionTable* table) const override {
-    table->Field("input_path", &input_path_, "Model folder.").Required();
+    table->Field("input_path", &input_path_, "Model: a folder, or a file of another program.")
+        .Required();
     table->Field("output_path", &output_path_, "Model folder; may be that of the input.")
         .Required();
     table->Choice("output_type", &output_type_,

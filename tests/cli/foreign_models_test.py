@@ -86,6 +86,68 @@ class ModelsOfOthers(Case):
         self.assertEqual(tracks["17"], "0 17 1 17 2 17".split())
 
 
+class OtherPrograms(Case):
+    # Images with a pose, without one, points.
+    SAMPLES = {"balbianello_bundler.out": (5, 0, 544), "kermit_bundler.out": (9, 2, 634),
+               "platypus_bundler.out": (6, 0, 3217), "meshroom_cameras.sfm": (34, 17, 0),
+               "metashape_cameras.xml": (94, 0, 0), "openmvg_sfm_data.json": (0, 10, 0),
+               "opensfm_reconstruction.json": (3, 0, 1554)}
+
+    def records(self, path: pathlib.Path) -> list[str]:
+        if not path.exists():
+            return []
+        return [line for line in path.read_text(errors="replace").split("\n") if not line.startswith("#")]
+
+    def test_each_is_read_by_every_command_that_reads_a_model(self):
+        for name, (num_posed, num_waiting, num_points) in self.SAMPLES.items():
+            with self.subTest(sample=name):
+                source, output = DATA / "models_other" / "foreign" / name, self.folder / name
+                self.succeeds("convert", "--input_path", source, "--output_path", output, "--output_type", "txt")
+                # Two lines an image, and the one behind the last line end.
+                self.assertEqual(len(self.records(output / "images.txt")) // 2, num_posed)
+                self.assertEqual(len(self.records(output / "unregistered_images.txt")) // 2, num_waiting)
+                self.assertEqual(len(self.records(output / "points3D.txt")) - 1, num_points)
+                self.succeeds("transform", "--input_path", source, "--output_path", self.folder / "moved", "--scale", "2")
+                result = self.succeeds("evaluate", "--input_path", source, "--json", "--quiet")
+                residuals = json.loads(result.stdout)["terms"]["point"]["residuals"]
+                self.assertEqual(residuals > 0, "bundler" in name)
+                # Where a folder holds it alone, the folder is enough.
+                folder = self.folder / ("alone_" + name)
+                folder.mkdir()
+                shutil.copy(source, folder)
+                self.succeeds("convert", "--input_path", folder, "--output_path", self.folder / "moved")
+                if num_posed < 2:
+                    continue
+                poses = self.succeeds("evaluate_poses", "--input_path", source, "--ground_truth_path", output, "--json")
+                self.assertAlmostEqual(json.loads(poses.stdout)["auc"]["1"], 100.0, places=6)
+                # Poses go through nerfstudio unharmed; its cameras need sizes.
+                if "bundler" not in name:
+                    self.succeeds("convert", "--input_path", source, "--output_path", self.folder / "nerf" / name,
+                                  "--output_type", "nerfstudio")
+                    poses = self.succeeds("evaluate_poses", "--input_path", self.folder / "nerf" / name,
+                                          "--ground_truth_path", source, "--json")
+                    self.assertAlmostEqual(json.loads(poses.stdout)["auc"]["1"], 100.0, places=6)
+
+    def test_bundlers_models_are_adjusted_as_they_are(self):
+        for name in ("balbianello_bundler.out", "kermit_bundler.out"):
+            source, output = DATA / "models_other" / "foreign" / name, self.folder / name
+            summary = json.loads(self.succeeds("adjust", "--input_path", source, "--output_path", output, "--json",
+                                               "--quiet").stdout)
+            self.assertLessEqual(summary["cost"]["final"], summary["cost"]["initial"])
+            self.assertTrue((output / "images.bin").exists())
+
+    def test_a_damaged_file_is_named_with_the_place(self):
+        source = DATA / "models_other" / "foreign" / "opensfm_reconstruction.json"
+        cut = self.folder / "reconstruction.json"
+        cut.write_bytes(source.read_bytes()[:300000])
+        message = self.refuses("convert", "--input_path", cut, "--output_path", "OUT")
+        self.assertIn("reconstruction.json: at byte 3000", message)
+        text = source.read_text()
+        cut.write_text(text.replace('"translation": [', '"translation": [1, ', 1))
+        message = self.refuses("adjust", "--input_path", cut, "--output_path", "OUT")
+        self.assertIn("expected a list of 3 numbers at '0/shots/02.jpg/translation', found a list of 4", message)
+
+
 class OneSidedTracks(Case):
     # Links that are left, and what of them is one-sided.
     MODELS = {"image_names_deleted_point": (588, 8, "2D features that name a missing 3D feature: 8"),

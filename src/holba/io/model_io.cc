@@ -10,8 +10,12 @@
 #include "holba/base/file_faults.h"
 #include "holba/base/log.h"
 #include "holba/base/words.h"
+#include "holba/io/bal.h"
 #include "holba/io/colmap_files.h"
 #include "holba/io/files.h"
+#include "holba/io/foreign/foreign_model.h"
+#include "holba/io/foreign/limap.h"
+#include "holba/io/foreign/limap_database.h"
 #include "holba/io/holistic_json.h"
 #include "holba/io/record_faults.h"
 #include "holba/io/side_files.h"
@@ -35,13 +39,16 @@ struct FileKind {
 };
 
 bool HasNamedOrigins(const Reconstruction& model) {
-  return std::any_of(model.points3D.begin(), model.points3D.end(),
-                     [](const auto& entry) { return entry.second.origin != PointOrigin::kDetected; });
+  return std::any_of(model.points3D.begin(), model.points3D.end(), [](const auto& entry) {
+    return entry.second.origin != PointOrigin::kDetected;
+  });
 }
 bool HasUnregisteredFrames(const Reconstruction& model) {
   return model.has_rig_files && !model.unregistered_frames.empty();
 }
-bool HasUnregisteredImages(const Reconstruction& model) { return !model.unregistered_images.empty(); }
+bool HasUnregisteredImages(const Reconstruction& model) {
+  return !model.unregistered_images.empty();
+}
 
 constexpr FileKind kCameras{"cameras", ReadCameras, WriteCameras};
 constexpr FileKind kRigs{"rigs", ReadRigs, WriteRigs};
@@ -49,18 +56,18 @@ constexpr FileKind kFrames{"frames", ReadFrames, WriteFrames};
 constexpr FileKind kImages{"images", ReadImages, WriteImages};
 constexpr FileKind kPoints3D{"points3D", ReadPoints3D, WritePoints3D};
 // In the order in which they are read.
-constexpr std::array<FileKind, 9> kSideFiles{{{"unregistered_frames", ReadUnregisteredFrames,
-                                               WriteUnregisteredFrames, HasUnregisteredFrames},
-                                              {"unregistered_images", ReadUnregisteredImages,
-                                               WriteUnregisteredImages, HasUnregisteredImages},
-                                              {"point_origins", ReadPointOrigins, WritePointOrigins,
-                                               HasNamedOrigins},
-                                              {"lines2D", ReadLines2D, WriteLines2D},
-                                              {"lines3D", ReadLines3D, WriteLines3D},
-                                              {"groups2D", ReadGroups2D, WriteGroups2D},
-                                              {"groups3D", ReadGroups3D, WriteGroups3D},
-                                              {"wireframe", ReadWireframe, WriteWireframe},
-                                              {"relations", ReadRelations, WriteRelations}}};
+constexpr std::array<FileKind, 9> kSideFiles{
+    {{"unregistered_frames", ReadUnregisteredFrames, WriteUnregisteredFrames,
+      HasUnregisteredFrames},
+     {"unregistered_images", ReadUnregisteredImages, WriteUnregisteredImages,
+      HasUnregisteredImages},
+     {"point_origins", ReadPointOrigins, WritePointOrigins, HasNamedOrigins},
+     {"lines2D", ReadLines2D, WriteLines2D},
+     {"lines3D", ReadLines3D, WriteLines3D},
+     {"groups2D", ReadGroups2D, WriteGroups2D},
+     {"groups3D", ReadGroups3D, WriteGroups3D},
+     {"wireframe", ReadWireframe, WriteWireframe},
+     {"relations", ReadRelations, WriteRelations}}};
 
 std::string FileName(const FileKind& kind, ModelFormat format) {
   return std::string(kind.name) + Extension(format);
@@ -94,13 +101,14 @@ bool IsHolistic(const Reconstruction& model) {
   return !model.lines3D.empty() || !model.groups3D.empty() || !model.wireframe.empty() ||
          !model.relations.empty() ||
          std::any_of(model.images.begin(), model.images.end(), has_structure) ||
-         std::any_of(model.unregistered_images.begin(), model.unregistered_images.end(), has_structure);
+         std::any_of(model.unregistered_images.begin(), model.unregistered_images.end(),
+                     has_structure);
 }
 
 }  // namespace
 
 bool IsModelFile(std::string_view name) {
-  if (name == kHolisticJson) return true;
+  if (name == kHolisticJson || IsLimapFile(name)) return true;
   const auto is = [&](const FileKind& kind) {
     return name == FileName(kind, ModelFormat::kText) ||
            name == FileName(kind, ModelFormat::kBinary);
@@ -122,7 +130,8 @@ std::optional<ModelFormat> FindModelFormat(const fs::path& folder) {
 
 bool HoldsPoses(const fs::path& folder) {
   return fs::exists(folder / FileName(kImages, ModelFormat::kBinary)) ||
-         fs::exists(folder / FileName(kImages, ModelFormat::kText));
+         fs::exists(folder / FileName(kImages, ModelFormat::kText)) ||
+         FindForeignFile(folder).has_value();
 }
 
 void ReadModelOptions::Describe(OptionTable* table) const {
@@ -252,25 +261,61 @@ void CheckConsistency(const Reconstruction& model, const fs::path& folder) {
 
 }  // namespace
 
-Reconstruction ReadModel(const fs::path& folder, const ReadModelOptions& options) {
-  CheckFolder(folder);
-  const std::optional<ModelFormat> format = FindModelFormat(folder);
-  if (!format) throw InputError(folder, WhatIsMissing(folder));
+namespace {
+
+Reconstruction ReadFolder(const fs::path& folder, ModelFormat format) {
   Reconstruction model;
-  ReadFile(folder, kCameras, *format, &model);
-  ReadRigsAndFrames(folder, *format, &model);
-  ReadFile(folder, kImages, *format, &model);
-  ReadFile(folder, kPoints3D, *format, &model);
+  ReadFile(folder, kCameras, format, &model);
+  ReadRigsAndFrames(folder, format, &model);
+  ReadFile(folder, kImages, format, &model);
+  ReadFile(folder, kPoints3D, format, &model);
   ReadSideFiles(folder, &model);
-  CheckNames(model, folder);
-  MendLinks(options, folder, &model);
-  CheckConsistency(model, folder);
+  // What both programs wrote into one folder: ours say more.
+  if (!IsHolistic(model) && HoldsLimapStructures(folder)) ReadLimapStructures(folder, &model);
+  return model;
+}
+
+// Of what is no folder of COLMAP's: another program's file. Null: it is none.
+std::optional<fs::path> OtherProgramsFile(const fs::path& path) {
+  if (!fs::is_directory(path)) return path;
+  if (FindModelFormat(path)) return std::nullopt;
+  return FindForeignFile(path);
+}
+
+}  // namespace
+
+bool IsReadAsBal(const fs::path& path) {
+  return fs::is_regular_file(path) && FindForeignFormat(path) == nullptr && !IsLimapDatabase(path);
+}
+
+Reconstruction ReadModel(const fs::path& path, const ReadModelOptions& options) {
+  if (!fs::exists(path)) throw NoSuchFileOrFolder(path);
+  Reconstruction model;
+  if (const std::optional<fs::path> file = OtherProgramsFile(path)) {
+    const ForeignFormat* const format = FindForeignFormat(*file);
+    if (format != nullptr) {
+      model = ReadForeignModel(*format, *file);
+    } else if (IsLimapDatabase(*file)) {
+      model = ReadLimapDatabaseAsModel(*file);
+    } else {
+      return ReadBal(*file);
+    }
+  } else {
+    CheckFolder(path);
+    const std::optional<ModelFormat> format = FindModelFormat(path);
+    if (!format) throw InputError(path, WhatIsMissing(path));
+    model = ReadFolder(path, *format);
+  }
+  CheckNames(model, path);
+  MendLinks(options, path, &model);
+  CheckConsistency(model, path);
   return model;
 }
 
 Reconstruction ReadPoses(const fs::path& folder) {
-  CheckFolder(folder);
-  if (FindModelFormat(folder)) return ReadModel(folder);
+  if (!fs::exists(folder)) throw NoSuchFileOrFolder(folder);
+  if (!fs::is_directory(folder) || FindModelFormat(folder) || FindForeignFile(folder))
+    return ReadModel(folder);
   if (!HoldsPoses(folder)) {
     throw InputError(
         folder, "expected the poses of a COLMAP model in this folder: images.bin or images.txt");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Models as folders: a COLMAP sparse model and our files beside it (FORMAT.md).
+// Models as folders: a COLMAP sparse model and our files beside it (FORMAT.md), or LIMAP's; and
+// models of other programs (io/foreign), wherever a model is read.
 #pragma once
 
 #include <filesystem>
@@ -18,7 +19,7 @@ namespace holba {
 // binary. Empty: neither format is complete, the folder is no model.
 std::optional<ModelFormat> FindModelFormat(const std::filesystem::path& folder);
 
-// Whether a folder has a file of images, which is all that ReadPoses needs.
+// Whether a folder has a file of images, or a model of another program: what ReadPoses needs.
 bool HoldsPoses(const std::filesystem::path& folder);
 
 struct ReadModelOptions {
@@ -27,11 +28,16 @@ struct ReadModelOptions {
   void Describe(OptionTable* table) const;
 };
 
-// Binary first, as COLMAP does; of our files each that is there, binary first. The model is
+// A folder or a file: a COLMAP model with our files or LIMAP's, a file of another program or a
+// folder that holds one (foreign_model.h), or a BAL problem, which any other file is taken for.
+// COLMAP's and ours: binary first, as COLMAP does; of our files each that is there. The model is
 // consistent: links between 2D and 3D features that one end only knows are dropped with one warning
 // (strict: refused with the list of them). Throws InputError with file and place, also if two
 // images have one name, or if the poses are not those that our files belong to.
-Reconstruction ReadModel(const std::filesystem::path& folder, const ReadModelOptions& options = {});
+Reconstruction ReadModel(const std::filesystem::path& path, const ReadModelOptions& options = {});
+
+// Whether ReadModel takes the path for a BAL problem.
+bool IsReadAsBal(const std::filesystem::path& path);
 
 // The model, or what there is of one: of a folder without points3D the poses and what the images
 // see, without cameras also those by their ids alone. For what asks for poses only.

@@ -185,9 +185,9 @@ TEST(ModelIo, BinaryIsReadFirst) {
 
 TEST(ModelIo, WhatIsNoModelIsRefused) {
   const TestFolder folder;
-  EXPECT_THAT(MessageOfReading(folder / "none"), HasSubstr("there is no such folder"));
+  EXPECT_THAT(MessageOfReading(folder / "none"), HasSubstr("there is no such file or folder"));
   WriteBytes(folder / "file", "x");
-  EXPECT_THAT(MessageOfReading(folder / "file"), HasSubstr("expected a folder, found a file"));
+  EXPECT_THAT(MessageOfReading(folder / "file"), HasSubstr("expected NUM_CAMERAS"));
   EXPECT_THAT(MessageOfReading(folder.path()), HasSubstr("expected a COLMAP model in this folder"));
   WriteSmallModel(folder / "m");
   fs::rename(folder / "m" / "points3D.txt", folder / "points3D.txt");
