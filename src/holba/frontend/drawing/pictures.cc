@@ -14,6 +14,7 @@
 #include "holba/frontend/drawing/canvas.h"
 #include "holba/geometry/angle.h"
 #include "holba/group/known_types.h"
+#include "holba/scene/main_directions.h"
 
 namespace holba {
 namespace {
@@ -22,8 +23,6 @@ constexpr Rgb kGrey = {100, 100, 100}, kBlack = {30, 30, 30}, kWhite = {255, 255
               kPale = {215, 215, 215};
 constexpr double kSegmentWidth = 1.8, kFaintWidth = 0.6, kFaintOpacity = 0.5;
 
-// A vertical direction among the vanishing points is within this of the cameras' mean down axis.
-constexpr double kMaxVerticalAngleDeg = 30.0;
 // Planes steeper than 70 degrees have a trace when seen from above.
 constexpr double kMaxVerticalPlaneCosine = 0.34;
 // Longest edge of a plane's region in units of the median of its triangles' shortest edges, and
@@ -157,32 +156,6 @@ void DrawOutline(const Reconstruction& model, const Image& image, const Group3D&
     }
     canvas->Line(a.cwiseProduct(scale), b.cwiseProduct(scale), colour, 2.0);
   }
-}
-
-// Right and down on the paper for one who looks down.
-struct Paper {
-  Eigen::Vector3d right, below;
-  Eigen::Vector2d operator()(const Eigen::Vector3d& X) const {
-    return {right.dot(X), below.dot(X)};
-  }
-};
-
-// The horizontal vanishing point of most lines runs across the paper.
-Paper PaperOfTopView(const Reconstruction& model, const Eigen::Vector3d& down) {
-  Eigen::Vector3d right = down.unitOrthogonal();
-  size_t most = 0;
-  for (const auto& [id, group] : model.groups3D) {
-    if (!IsVp(group) || group.line3D_ids.size() <= most) continue;
-    double g[kMaxGroupParams];
-    if (!group.type->from_file(group.params.data(), g)) continue;
-    Eigen::Vector3d direction;
-    group.type->direction(g, &direction, nullptr);
-    const Eigen::Vector3d level = direction - down * down.dot(direction);
-    if (level.norm() < std::sin(DegToRad(60.0))) continue;
-    most = group.line3D_ids.size();
-    right = level.normalized();
-  }
-  return {right, down.cross(right)};
 }
 
 }  // namespace
@@ -327,33 +300,11 @@ ColourImage DrawWireframe(const Reconstruction& model, image_t image_id,
   return canvas.ToImage();
 }
 
-Eigen::Vector3d EstimateDown(const Reconstruction& model) {
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const auto& [id, image] : model.images) {
-    mean += image.cam_from_world.rotation.normalized().conjugate() * Eigen::Vector3d::UnitY();
-  }
-  if (mean.norm() < 1e-9) return Eigen::Vector3d::UnitY();
-  mean.normalize();
-  Eigen::Vector3d down = mean;
-  double best = std::cos(DegToRad(kMaxVerticalAngleDeg));
-  for (const auto& [id, group] : model.groups3D) {
-    double g[kMaxGroupParams];
-    if (!IsVp(group) || !group.type->from_file(group.params.data(), g)) continue;
-    Eigen::Vector3d direction;
-    group.type->direction(g, &direction, nullptr);
-    const double along = direction.dot(mean);
-    if (std::abs(along) <= best) continue;
-    best = std::abs(along);
-    down = along > 0.0 ? direction : Eigen::Vector3d(-direction);
-  }
-  return down.normalized();
-}
-
 ColourImage DrawTopView(const Reconstruction& model, int size_px) {
   HOLBA_CHECK(size_px > 0);
   Canvas canvas(size_px, size_px);
   const Eigen::Vector3d down = EstimateDown(model);
-  const Paper paper = PaperOfTopView(model, down);
+  const PlanAxes paper = EstimatePlanAxes(model, down);
 
   std::array<std::vector<double>, 2> coordinates;
   const auto add = [&](const Eigen::Vector3d& X) {
