@@ -7,8 +7,12 @@
 #include "apps/report.h"
 #include "holba/base/log.h"
 #include "holba/io/bal.h"
+#include "holba/io/dxf.h"
 #include "holba/io/files.h"
+#include "holba/io/floor_plan.h"
+#include "holba/io/glb.h"
 #include "holba/io/model_io.h"
+#include "holba/io/obj.h"
 #include "holba/io/ply.h"
 #include "holba/scene/reconstruction.h"
 #include "holba/scene/selection.h"
@@ -16,20 +20,25 @@
 namespace holba {
 namespace {
 
-enum class OutputType { kText, kBinary, kPly, kBal };
+enum class OutputType { kText, kBinary, kPly, kBal, kGlb, kObj, kDxf, kSvg };
 
 class ConvertJob : public Job {
  public:
   void Describe(OptionTable* table) const override {
     table->Field("input_path", &input_path_, "Model folder, or a BAL file.").Required();
-    table->Field("output_path", &output_path_, "Model folder (txt, bin) or file (ply, bal).")
+    table->Field("output_path", &output_path_, "Model folder (txt, bin) or file (all others).")
         .Required();
     table->Choice("output_type", &output_type_,
                   {{"txt", OutputType::kText},
                    {"bin", OutputType::kBinary},
                    {"ply", OutputType::kPly},
-                   {"bal", OutputType::kBal}},
-                  "Format of the output.");
+                   {"bal", OutputType::kBal},
+                   {"glb", OutputType::kGlb},
+                   {"obj", OutputType::kObj},
+                   {"dxf", OutputType::kDxf},
+                   {"svg", OutputType::kSvg}},
+                  "Format of the output; glb opens in Blender, dxf has lines in a layer for each "
+                  "direction, svg is a floor plan.");
     table->Field("drop_added_points", &drop_added_points_,
                  "Leave out the points that refine made of structure (junctions, corners) with "
                  "their 2D points, so that images have the keypoints of their database again: "
@@ -63,6 +72,18 @@ class ConvertJob : public Job {
       case OutputType::kBal:
         WriteBal(model, output_path_);
         break;
+      case OutputType::kGlb:
+        WriteGlb(model, output_path_);
+        break;
+      case OutputType::kObj:
+        WriteObj(model, output_path_);
+        break;
+      case OutputType::kDxf:
+        WriteDxf(model, output_path_);
+        break;
+      case OutputType::kSvg:
+        WriteFloorPlan(model, output_path_);
+        break;
     }
     LogInfo("Wrote {} to {}", ContentsText(model), output_path_);
   }
@@ -79,7 +100,7 @@ class ConvertJob : public Job {
 
 Command ConvertCommand() {
   return {.name = "convert",
-          .summary = "Write a model as text, binary, PLY or BAL",
+          .summary = "Write a model as text, binary, PLY, BAL, glTF, OBJ, DXF or a floor plan",
           .details = "",
           .make_job = [] { return std::make_unique<ConvertJob>(); }};
 }
