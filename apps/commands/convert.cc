@@ -10,11 +10,15 @@
 #include "holba/base/words.h"
 #include "holba/io/bal.h"
 #include "holba/io/database.h"
+#include "holba/io/dxf.h"
 #include "holba/io/files.h"
+#include "holba/io/floor_plan.h"
 #include "holba/io/foreign/limap.h"
 #include "holba/io/foreign/limap_database.h"
 #include "holba/io/foreign/nerfstudio.h"
+#include "holba/io/glb.h"
 #include "holba/io/model_io.h"
+#include "holba/io/obj.h"
 #include "holba/io/ply.h"
 #include "holba/scene/reconstruction.h"
 #include "holba/scene/selection.h"
@@ -24,7 +28,19 @@ namespace {
 
 namespace fs = std::filesystem;
 
-enum class OutputType { kText, kBinary, kLimap, kNerfstudio, kPly, kBal, kDatabase };
+enum class OutputType {
+  kText,
+  kBinary,
+  kLimap,
+  kNerfstudio,
+  kPly,
+  kBal,
+  kGlb,
+  kObj,
+  kDxf,
+  kSvg,
+  kDatabase
+};
 
 class ConvertJob : public Job {
  public:
@@ -35,7 +51,7 @@ class ConvertJob : public Job {
         .Required();
     table
         ->Field("output_path", &output_path_,
-                "Folder (txt, bin, limap, nerfstudio) or file (ply, bal, database).")
+                "Folder (txt, bin, limap, nerfstudio) or file (all others).")
         .Required();
     table->Choice("output_type", &output_type_,
                   {{"txt", OutputType::kText},
@@ -44,10 +60,15 @@ class ConvertJob : public Job {
                    {"nerfstudio", OutputType::kNerfstudio},
                    {"ply", OutputType::kPly},
                    {"bal", OutputType::kBal},
+                   {"glb", OutputType::kGlb},
+                   {"obj", OutputType::kObj},
+                   {"dxf", OutputType::kDxf},
+                   {"svg", OutputType::kSvg},
                    {"database", OutputType::kDatabase}},
-                  "Format of the output: of a COLMAP database limap writes LIMAP's database with "
-                  "its segments, vanishing points and matches of segments, and database adds those "
-                  "of LIMAP's database to COLMAP's.");
+                  "Format of the output: glb opens in Blender, dxf has lines in a layer for each "
+                  "direction, svg is a floor plan; of a COLMAP database limap writes LIMAP's "
+                  "database with its segments, vanishing points and matches of segments, and "
+                  "database adds those of LIMAP's database to COLMAP's.");
     table->Field("drop_added_points", &drop_added_points_,
                  "Leave out the points that refine made of structure (junctions, corners) with "
                  "their 2D points, so that images have the keypoints of their database again: "
@@ -66,6 +87,10 @@ class ConvertJob : public Job {
         return ProbeNerfstudio(output_path_);
       case OutputType::kPly:
       case OutputType::kBal:
+      case OutputType::kGlb:
+      case OutputType::kObj:
+      case OutputType::kDxf:
+      case OutputType::kSvg:
         return ProbeFile(output_path_);
       case OutputType::kDatabase:
         return ProbeExistingDatabase(output_path_);
@@ -101,6 +126,14 @@ class ConvertJob : public Job {
         return WritePly(model, output_path_);
       case OutputType::kBal:
         return WriteBal(model, output_path_);
+      case OutputType::kGlb:
+        return WriteGlb(model, output_path_);
+      case OutputType::kObj:
+        return WriteObj(model, output_path_);
+      case OutputType::kDxf:
+        return WriteDxf(model, output_path_);
+      case OutputType::kSvg:
+        return WriteFloorPlan(model, output_path_);
       case OutputType::kDatabase:
         return;
     }
@@ -141,7 +174,7 @@ class ConvertJob : public Job {
 
 Command ConvertCommand() {
   return {.name = "convert",
-          .summary = "Write a model of any program as COLMAP's, LIMAP's, nerfstudio's, PLY or BAL",
+          .summary = "Write a model as COLMAP's, LIMAP's, nerfstudio's, PLY, BAL, glTF, OBJ, DXF, plan",
           .details =
               "Models of Bundler, OpenMVG, Meshroom, OpenSfM, Metashape, nerfstudio and LIMAP are "
               "recognised by what is in their files, here and wherever a model is read.",

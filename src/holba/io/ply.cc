@@ -3,12 +3,11 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
 #include <vector>
 
-#include "holba/base/check.h"
 #include "holba/io/binary_io.h"
 #include "holba/io/files.h"
+#include "holba/io/shapes.h"
 
 namespace holba {
 namespace {
@@ -29,33 +28,12 @@ struct Scene {
   std::vector<Edge> edges;
 };
 
-// The colours of neighbouring groups differ: hues in steps of the golden angle.
-Rgb GroupColour(size_t index) {
-  const double hue = 6.0 * std::fmod(0.08 + 0.61803398875 * static_cast<double>(index), 1.0);
-  const auto channel = [hue](double offset) {
-    const double k = std::fmod(hue + offset, 6.0);
-    const double value = 0.9 - 0.6 * std::max(0.0, std::min({k, 4.0 - k, 1.0}));
-    return static_cast<uint8_t>(std::lround(255.0 * value));
-  };
-  return {channel(5.0), channel(3.0), channel(1.0)};
-}
-
 void AddGroups(const Reconstruction& model, Scene* scene) {
-  size_t index = 0;
-  for (const auto& [group3D_id, group] : model.groups3D) {
-    const Rgb colour = GroupColour(index++);
-    std::vector<Eigen::Vector3d> members;
-    for (const point3D_t id : group.point3D_ids) members.push_back(model.points3D.at(id).xyz);
-    for (const line3D_t id : group.line3D_ids) {
-      members.push_back(model.lines3D.at(id).start);
-      members.push_back(model.lines3D.at(id).end);
-    }
-    double g[kMaxGroupParams];
-    HOLBA_CHECK(group.type->from_file(group.params.data(), g));
-    const GroupMesh mesh = group.type->mesh(g, members);
+  for (const GroupShape& shape : GroupShapes(model)) {
     const auto first = static_cast<uint32_t>(scene->vertices.size());
-    for (const Eigen::Vector3d& vertex : mesh.vertices) scene->vertices.push_back({vertex, colour});
-    for (const auto& [a, b, c] : mesh.triangles) {
+    for (const Eigen::Vector3d& vertex : shape.mesh.vertices)
+      scene->vertices.push_back({vertex, shape.rgb});
+    for (const auto& [a, b, c] : shape.mesh.triangles) {
       scene->faces.push_back({first + a, first + b, first + c});
     }
   }

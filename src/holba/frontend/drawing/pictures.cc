@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
@@ -14,6 +15,7 @@
 #include "holba/frontend/drawing/canvas.h"
 #include "holba/geometry/angle.h"
 #include "holba/group/known_types.h"
+#include "holba/scene/main_directions.h"
 
 namespace holba {
 namespace {
@@ -21,8 +23,6 @@ namespace {
 constexpr Rgb kWhite = {255, 255, 255}, kPale = {215, 215, 215};
 constexpr double kLineWidth = 1.8, kFaintWidth = 0.6, kFaintOpacity = 0.5;
 
-// A vertical direction among the vanishing points is within this of the cameras' mean down axis.
-constexpr double kMaxVerticalAngleDeg = 30.0;
 // Planes steeper than 70 degrees have a trace when seen from above.
 constexpr double kMaxVerticalPlaneCosine = 0.34;
 // Longest edge of a plane's region in units of the median of its triangles' shortest edges, and
@@ -66,6 +66,34 @@ Eigen::Vector2d PhotographScale(const Reconstruction& model, const Image& image,
   if (camera.width == 0 || camera.height == 0) return {1.0, 1.0};
   return {photograph.width / static_cast<double>(camera.width),
           photograph.height / static_cast<double>(camera.height)};
+}
+
+// Places of the photograph along the image of what is straight in the world between two pixels of
+// the camera: the chord of a pinhole, a curve of a lens that distorts.
+std::vector<Eigen::Vector2d> AlongLens(const Camera& camera, const Eigen::Vector2d& start,
+                                       const Eigen::Vector2d& end, const Eigen::Vector2d& scale) {
+  // An arc of a twelfth of the picture is straight to a few hundredths of a pixel for usual lenses.
+  constexpr double kMaxPart = 1.0 / 12.0;
+  std::vector<Eigen::Vector2d> places = {start.cwiseProduct(scale)};
+  const double size = std::hypot(camera.width, camera.height);
+  if (!camera.model->is_pinhole && size > 0.0) {
+    const auto a = camera.model->unproject(camera.params.data(), start);
+    const auto b = camera.model->unproject(camera.params.data(), end);
+    const int num = 1 + static_cast<int>(std::min((end - start).norm() / (kMaxPart * size), 100.0));
+    for (int i = 1; i < num && a && b; ++i) {
+      Eigen::Vector2d pixel;
+      const Eigen::Vector3d ray = *a + (*b - *a) * i / num;
+      if (camera.model->project(camera.params.data(), ray, &pixel))
+        places.push_back(pixel.cwiseProduct(scale));
+    }
+  }
+  places.push_back(end.cwiseProduct(scale));
+  return places;
+}
+
+void DrawPath(const std::vector<Eigen::Vector2d>& places, const Rgb& colour, double width,
+              Canvas* canvas) {
+  for (size_t i = 1; i < places.size(); ++i) canvas->Line(places[i - 1], places[i], colour, width);
 }
 
 double Percentile(std::vector<double> values, double part) {
@@ -149,39 +177,22 @@ void DrawOutline(const Reconstruction& model, const Image& image, const Group3D&
   }
   for (const auto& [edge, facing] : facing_of_edge) {
     if (facing.size() == 2 && facing[0] == facing[1]) continue;
-    Eigen::Vector2d a, b;
-    if (!camera.model->project(camera.params.data(), in_cam[edge.first], &a) ||
-        !camera.model->project(camera.params.data(), in_cam[edge.second], &b)) {
-      continue;
+    // In pieces, which bend with the lens, and of which those in front of the camera are seen.
+    constexpr int kNumPieces = 16;
+    std::optional<Eigen::Vector2d> last;
+    for (int i = 0; i <= kNumPieces; ++i) {
+      const Eigen::Vector3d& a = in_cam[edge.first];
+      Eigen::Vector2d pixel;
+      if (!camera.model->project(camera.params.data(),
+                                 a + (in_cam[edge.second] - a) * i / kNumPieces, &pixel)) {
+        last.reset();
+        continue;
+      }
+      pixel = pixel.cwiseProduct(scale);
+      if (last) canvas->Line(*last, pixel, colour, 2.0);
+      last = pixel;
     }
-    canvas->Line(a.cwiseProduct(scale), b.cwiseProduct(scale), colour, 2.0);
   }
-}
-
-// Right and down on the paper for one who looks down.
-struct Paper {
-  Eigen::Vector3d right, below;
-  Eigen::Vector2d operator()(const Eigen::Vector3d& X) const {
-    return {right.dot(X), below.dot(X)};
-  }
-};
-
-// The horizontal vanishing point of most lines runs across the paper.
-Paper PaperOfTopView(const Reconstruction& model, const Eigen::Vector3d& down) {
-  Eigen::Vector3d right = down.unitOrthogonal();
-  size_t most = 0;
-  for (const auto& [id, group] : model.groups3D) {
-    if (!IsVp(group) || group.line3D_ids.size() <= most) continue;
-    double g[kMaxGroupParams];
-    if (!group.type->from_file(group.params.data(), g)) continue;
-    Eigen::Vector3d direction;
-    group.type->direction(g, &direction, nullptr);
-    const Eigen::Vector3d level = direction - down * down.dot(direction);
-    if (level.norm() < std::sin(DegToRad(60.0))) continue;
-    most = group.line3D_ids.size();
-    right = level.normalized();
-  }
-  return {right, down.cross(right)};
 }
 
 }  // namespace
@@ -193,12 +204,13 @@ Rgb GroupColour(const Reconstruction& model, group3D_t group3D_id) {
 ColourImage DrawSegments(const Reconstruction& model, image_t image_id,
                          const ColourImage& photograph) {
   const Image& image = model.images.at(image_id);
+  const Camera& camera = model.cameras.at(image.camera_id);
   const Eigen::Vector2d scale = PhotographScale(model, image, photograph);
   const auto colours = LineColours(model);
   Canvas canvas(photograph);
   const auto draw = [&](const Line2D& line, const Rgb& colour, double width) {
-    canvas.Line(line.segment.start.cwiseProduct(scale), line.segment.end.cwiseProduct(scale),
-                colour, width);
+    DrawPath(AlongLens(camera, line.segment.start, line.segment.end, scale), colour, width,
+             &canvas);
   };
   canvas.Translucent(kFaintOpacity, [&] {
     for (const Line2D& line : image.lines2D) {
@@ -218,6 +230,7 @@ ColourImage DrawSegments(const Reconstruction& model, image_t image_id,
 ColourImage DrawGroups(const Reconstruction& model, image_t image_id,
                        const ColourImage& photograph) {
   const Image& image = model.images.at(image_id);
+  const Camera& camera = model.cameras.at(image.camera_id);
   const Eigen::Vector2d scale = PhotographScale(model, image, photograph);
   const auto colours = AllColours(model);
   std::unordered_map<point3D_t, std::vector<Eigen::Vector2d>> seen_points;
@@ -225,11 +238,12 @@ ColourImage DrawGroups(const Reconstruction& model, image_t image_id,
     if (point.point3D_id != kNoId)
       seen_points[point.point3D_id].push_back(point.xy.cwiseProduct(scale));
   }
-  std::unordered_map<line3D_t, std::vector<LineSegment2d>> seen_lines;
+  // Their paths.
+  std::unordered_map<line3D_t, std::vector<std::vector<Eigen::Vector2d>>> seen_lines;
   for (const Line2D& line : image.lines2D) {
     if (line.line3D_id == kNoId) continue;
     seen_lines[line.line3D_id].push_back(
-        {line.segment.start.cwiseProduct(scale), line.segment.end.cwiseProduct(scale)});
+        AlongLens(camera, line.segment.start, line.segment.end, scale));
   }
   Canvas canvas(photograph);
   struct Seen {
@@ -254,12 +268,14 @@ ColourImage DrawGroups(const Reconstruction& model, image_t image_id,
     for (const line3D_t line3D_id : group.line3D_ids) {
       const auto found = seen_lines.find(line3D_id);
       if (found == seen_lines.end()) continue;
-      for (const LineSegment2d& segment : found->second) {
+      for (const std::vector<Eigen::Vector2d>& path : found->second) {
         // Not only the ends: a region must not break along a long segment.
-        const int num =
-            1 + static_cast<int>(std::min(segment.Length() / (0.02 * canvas.Diagonal()), 100.0));
-        for (int i = 0; i <= num; ++i) {
-          add(segment.start + (segment.end - segment.start) * i / num);
+        add(path.front());
+        for (size_t k = 1; k < path.size(); ++k) {
+          const Eigen::Vector2d way = path[k] - path[k - 1];
+          const int num =
+              1 + static_cast<int>(std::min(way.norm() / (0.02 * canvas.Diagonal()), 100.0));
+          for (int i = 1; i <= num; ++i) add(path[k - 1] + way * i / num);
         }
       }
     }
@@ -286,6 +302,7 @@ ColourImage DrawGroups(const Reconstruction& model, image_t image_id,
 ColourImage DrawWireframe(const Reconstruction& model, image_t image_id,
                           const ColourImage& photograph) {
   const Image& image = model.images.at(image_id);
+  const Camera& camera = model.cameras.at(image.camera_id);
   const Eigen::Vector2d scale = PhotographScale(model, image, photograph);
   const auto colours = LineColours(model);
   std::unordered_map<point3D_t, std::unordered_set<line3D_t>> lines_of_point;
@@ -296,8 +313,8 @@ ColourImage DrawWireframe(const Reconstruction& model, image_t image_id,
   }
   Canvas canvas(photograph);
   const auto draw = [&](const Line2D& line, const Rgb& colour, double width) {
-    canvas.Line(line.segment.start.cwiseProduct(scale), line.segment.end.cwiseProduct(scale),
-                colour, width);
+    DrawPath(AlongLens(camera, line.segment.start, line.segment.end, scale), colour, width,
+             &canvas);
   };
   canvas.Translucent(kFaintOpacity, [&] {
     for (const Line2D& line : image.lines2D) {
@@ -315,10 +332,10 @@ ColourImage DrawWireframe(const Reconstruction& model, image_t image_id,
     for (const Line2D& line : image.lines2D) {
       if (!lines->second.contains(line.line3D_id)) continue;
       // From the junction to where its segment begins.
-      const Eigen::Vector2d a = line.segment.start.cwiseProduct(scale),
-                            b = line.segment.end.cwiseProduct(scale);
-      canvas.Line(at, (a - at).norm() < (b - at).norm() ? a : b,
-                  ColourOr(colours, line.line3D_id, kGrey), 0.9);
+      const Eigen::Vector2d &a = line.segment.start, &b = line.segment.end;
+      const bool a_is_nearer = (a - point.xy).norm() < (b - point.xy).norm();
+      DrawPath(AlongLens(camera, point.xy, a_is_nearer ? a : b, scale),
+               ColourOr(colours, line.line3D_id, kGrey), 0.9, &canvas);
     }
     canvas.Dot(at, kWhite, 4.0);
     canvas.Ring(at, kBlack, 4.0, 1.2);
@@ -326,33 +343,11 @@ ColourImage DrawWireframe(const Reconstruction& model, image_t image_id,
   return canvas.ToImage();
 }
 
-Eigen::Vector3d EstimateDown(const Reconstruction& model) {
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const auto& [id, image] : model.images) {
-    mean += image.cam_from_world.rotation.normalized().conjugate() * Eigen::Vector3d::UnitY();
-  }
-  if (mean.norm() < 1e-9) return Eigen::Vector3d::UnitY();
-  mean.normalize();
-  Eigen::Vector3d down = mean;
-  double best = std::cos(DegToRad(kMaxVerticalAngleDeg));
-  for (const auto& [id, group] : model.groups3D) {
-    double g[kMaxGroupParams];
-    if (!IsVp(group) || !group.type->from_file(group.params.data(), g)) continue;
-    Eigen::Vector3d direction;
-    group.type->direction(g, &direction, nullptr);
-    const double along = direction.dot(mean);
-    if (std::abs(along) <= best) continue;
-    best = std::abs(along);
-    down = along > 0.0 ? direction : Eigen::Vector3d(-direction);
-  }
-  return down.normalized();
-}
-
 ColourImage DrawTopView(const Reconstruction& model, int size_px) {
   HOLBA_CHECK(size_px > 0);
   Canvas canvas(size_px, size_px);
   const Eigen::Vector3d down = EstimateDown(model);
-  const Paper paper = PaperOfTopView(model, down);
+  const PlanAxes paper = EstimatePlanAxes(model, down);
 
   std::array<std::vector<double>, 2> coordinates;
   const auto add = [&](const Eigen::Vector3d& X) {

@@ -37,8 +37,4 @@ ColourImage DrawWireframe(const Reconstruction& model, image_t image_id,
 // percentiles of the lines and to the cameras.
 ColourImage DrawTopView(const Reconstruction& model, int size_px);
 
-// Unit vector, world frame: the direction of the vanishing point that is most along the mean down
-// axis of the cameras (within 30 degrees), else that mean. Points down. Without cameras: +y.
-Eigen::Vector3d EstimateDown(const Reconstruction& model);
-
 }  // namespace holba

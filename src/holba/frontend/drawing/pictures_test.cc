@@ -7,6 +7,7 @@
 #include <cmath>
 #include <set>
 
+#include "holba/scene/main_directions.h"
 #include "holba/scene/random_model.h"
 
 namespace holba {
@@ -265,6 +266,30 @@ TEST(Pictures, OfAnyConsistentModelCanBeDrawn) {
     }
     EXPECT_EQ(DrawTopView(model, 50).pixels.size(), 7500u);
   }
+}
+
+// Of a lens that distorts, what is straight in the world is drawn as the curve that the photograph
+// shows, not as its chord.
+TEST(DrawSegments, BendsWithTheLens) {
+  Reconstruction model = OneCamera();
+  const std::vector<double> params = {500, 320, 240, -0.3};
+  model.cameras.at(1) = {FindCameraModel("SIMPLE_RADIAL"), kWidth, kHeight, params};
+  const Eigen::Vector3d a(-1.9, -1.3, 4), b(1.9, -1.3, 4);
+  const auto pixel = [&](const Eigen::Vector3d& X) {
+    Eigen::Vector2d p;
+    EXPECT_TRUE(model.cameras.at(1).model->project(params.data(), X, &p));
+    return p;
+  };
+  AddLine(1, a, b, {pixel(a), pixel(b)}, &model);
+  AddVp(1, {1, 0, 0}, {1}, &model);
+  const ColourImage picture = DrawSegments(model, 1, Photograph(kWidth, kHeight, 128));
+  const Eigen::Vector2d middle = pixel((a + b) / 2.0), chord = (pixel(a) + pixel(b)) / 2.0;
+  ASSERT_GT((middle - chord).norm(), 10.0);
+  const auto is_drawn = [&](const Eigen::Vector2d& p) {
+    return !IsGrey(Pixel(picture, static_cast<int>(p.x()), static_cast<int>(p.y())));
+  };
+  for (const double t : {0.1, 0.3, 0.5, 0.7, 0.9}) EXPECT_TRUE(is_drawn(pixel(a + t * (b - a))));
+  EXPECT_FALSE(is_drawn(chord));
 }
 
 }  // namespace

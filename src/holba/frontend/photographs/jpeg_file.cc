@@ -8,9 +8,11 @@
 // Codes of messages.
 #include <jerror.h>
 
+#include <cstdlib>
 #include <memory>
 #include <string>
 
+#include "holba/base/check.h"
 #include "holba/base/error.h"
 #include "holba/base/file_faults.h"
 #include "holba/frontend/photographs/decode_fault.h"
@@ -89,7 +91,9 @@ bool DecodeJpeg(std::FILE* file, bool grey, JpegErrorHandler* handler, DecodedIm
   return true;
 }
 
-bool EncodeJpeg(const ColourImage& image, std::FILE* file) {
+// `set_destination`: where the bytes go.
+template <typename SetDestination>
+bool EncodeJpegTo(const ColourImage& image, int quality, SetDestination set_destination) {
   jpeg_compress_struct info;
   JpegErrorHandler handler;
   SetHandler(&handler);
@@ -99,13 +103,13 @@ bool EncodeJpeg(const ColourImage& image, std::FILE* file) {
     return false;
   }
   jpeg_create_compress(&info);
-  jpeg_stdio_dest(&info, file);
+  set_destination(&info);
   info.image_width = static_cast<JDIMENSION>(image.width);
   info.image_height = static_cast<JDIMENSION>(image.height);
   info.input_components = 3;
   info.in_color_space = JCS_RGB;
   jpeg_set_defaults(&info);
-  jpeg_set_quality(&info, kQuality, TRUE);
+  jpeg_set_quality(&info, quality, TRUE);
   jpeg_start_compress(&info, TRUE);
   while (info.next_scanline < info.image_height) {
     JSAMPROW row = const_cast<uint8_t*>(image.pixels.data()) +
@@ -142,8 +146,19 @@ DecodedImage ReadJpeg(const std::filesystem::path& path, bool grey) {
 
 bool WriteJpeg(const ColourImage& image, const std::filesystem::path& path) {
   File file(std::fopen(path.c_str(), "wb"), std::fclose);
-  if (!file || !EncodeJpeg(image, file.get())) return false;
+  const auto to_file = [&](jpeg_compress_struct* info) { jpeg_stdio_dest(info, file.get()); };
+  if (!file || !EncodeJpegTo(image, kQuality, to_file)) return false;
   return std::fclose(file.release()) == 0;
+}
+
+std::string EncodeJpeg(const ColourImage& image, int quality) {
+  unsigned char* bytes = nullptr;
+  unsigned long size = 0;  // NOLINT: libjpeg's
+  const bool encoded = EncodeJpegTo(
+      image, quality, [&](jpeg_compress_struct* info) { jpeg_mem_dest(info, &bytes, &size); });
+  const std::unique_ptr<unsigned char, decltype(&std::free)> owner(bytes, std::free);
+  HOLBA_CHECK(encoded);
+  return {reinterpret_cast<const char*>(bytes), size};
 }
 
 }  // namespace holba

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "holba/frontend/photographs/decoded_image.h"
 #include "holba/frontend/photographs/photograph.h"
@@ -15,5 +16,7 @@ namespace holba {
 DecodedImage ReadJpeg(const std::filesystem::path& path, bool grey);
 // False: it cannot be written.
 bool WriteJpeg(const ColourImage& image, const std::filesystem::path& path);
+// The bytes of a JPEG file. `quality`: libjpeg's, 0 to 100. At least one pixel.
+std::string EncodeJpeg(const ColourImage& image, int quality);
 
 }  // namespace holba

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// holba view: a model as one page for a browser.
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string>
+
+#include "apps/command.h"
+#include "apps/report.h"
+#include "apps/view/open_in_browser.h"
+#include "holba/base/error.h"
+#include "holba/base/file_faults.h"
+#include "holba/base/log.h"
+#include "holba/evaluation/alignment.h"
+#include "holba/evaluation/image_pairing.h"
+#include "holba/io/bal.h"
+#include "holba/io/files.h"
+#include "holba/io/model_io.h"
+#include "holba/scene/reconstruction.h"
+#include "holba/view/view_model.h"
+#include "holba/view/view_page.h"
+#if defined(HOLBA_WITH_FRONTEND)
+#include "holba/pipeline/view_output.h"
+#endif
+
+namespace holba {
+namespace {
+
+namespace fs = std::filesystem;
+
+class ViewJob : public Job {
+ public:
+  void Describe(OptionTable* table) const override {
+    table->Field("input_path", &input_path_, "Model folder (COLMAP's, too), or a BAL file.")
+        .Required();
+    table->Field("output_path", &output_path_,
+                 "HTML file; empty: one in a temporary place, which a browser is told to open.");
+#if defined(HOLBA_WITH_FRONTEND)
+    table->Field("image_path", &image_path_, "Folder of the photographs; empty: without them.");
+#endif
+    table->Field("compare_path", &compare_path_,
+                 "Second model, shown with the first after alignment: before, after, truth.");
+    table->Field("report_path", &report_path_,
+                 "Text for the report's tab; empty: report.txt in the model's folder or the one "
+                 "above, if there is any.");
+#if defined(HOLBA_WITH_FRONTEND)
+    photographs_.Describe(table);
+#endif
+    table
+        ->Field("max_model_mb", &max_model_mb_, GreaterThan(0),
+                "Megabytes of numbers above which the page leaves out where keypoints and segments "
+                "were seen.")
+        .Advanced();
+    table->Field("num_threads", &num_threads_, AtLeast(-1), "Threads; -1: one per hardware thread.")
+        .Advanced();
+    read_.Describe(table);
+  }
+
+  void ProbeOutputs(const Invocation&) const override {
+    if (!output_path_.empty()) ProbeFile(output_path_);
+  }
+
+  void Run(const Invocation&) override {
+    const Reconstruction model = Read(input_path_);
+    const Eigen::Vector3d origin = OriginOfView(model);
+    ViewPage page;
+    const ViewModel shown = MakeViewModel(model, Options(input_path_, Report()), origin);
+    if (!shown.has_observed_positions) {
+      LogWarning(
+          "The page does not hold where keypoints and segments were seen in the images, as these "
+          "are many; a greater --max_model_mb would");
+    }
+    page.model = shown.bytes;
+    if (!compare_path_.empty())
+      page.compare = MakeViewModel(ReadAligned(model), Options(compare_path_, ""), origin).bytes;
+    AddPhotographs(model, &page);
+    const fs::path path =
+        output_path_.empty() ? TemporaryPage(Name(input_path_)) : fs::path(output_path_);
+    WriteFileWhole(path, [&](std::ostream* stream) { FormatViewPage(page, stream); });
+    LogInfo("Wrote {} to {} ({:.1f} MB)", ContentsText(model), path.string(),
+            static_cast<double>(fs::file_size(path)) / 1e6);
+    if (output_path_.empty() && !OpenInBrowser(path))
+      LogInfo("No browser was found to open it with; open {} in one", path.string());
+  }
+
+ private:
+  Reconstruction Read(const std::string& path) const {
+    return fs::is_regular_file(path) ? ReadBal(path) : ReadModel(path, read_);
+  }
+
+  // The last name of a path that has one: of "sparse/0/" it is "0".
+  static std::string Name(const fs::path& path) {
+    const fs::path whole = fs::absolute(path).lexically_normal();
+    return (whole.has_filename() ? whole : whole.parent_path()).filename().string();
+  }
+
+  ViewModelOptions Options(const fs::path& path, std::string report) const {
+    const fs::path whole = fs::absolute(path).lexically_normal();
+    const fs::path folder = whole.has_filename() ? whole : whole.parent_path();
+    return {.title = folder.parent_path().filename().string() + "/" + Name(path),
+            .report = std::move(report),
+            .num_threads = num_threads_,
+            .max_num_bytes = static_cast<size_t>(max_model_mb_ * 1e6)};
+  }
+
+  std::string Report() const {
+    if (!report_path_.empty()) return ReadFileBytes(report_path_);
+    const fs::path whole = fs::absolute(input_path_).lexically_normal();
+    const fs::path folder = whole.has_filename() ? whole : whole.parent_path();
+    for (const fs::path& path : {folder / "report.txt", folder.parent_path() / "report.txt"}) {
+      if (fs::is_regular_file(path)) return ReadFileBytes(path);
+    }
+    return "";
+  }
+
+  Reconstruction ReadAligned(const Reconstruction& model) const {
+    Reconstruction other = Read(compare_path_);
+    const ImagePairing pairing = PairImages(other, model);
+    ReportPairing(pairing, input_path_);
+    const auto alignment = AlignReconstructions(other, model, pairing, AlignmentBasis::kAuto);
+    if (!alignment) {
+      throw InputError(compare_path_,
+                       "this model has no image in common with that of --input_path, so that they "
+                       "cannot be aligned; give a model of the same photographs");
+    }
+    other.Transform(alignment->truth_from_model);
+    return other;
+  }
+
+  void AddPhotographs(const Reconstruction& model, ViewPage* page) const {
+#if defined(HOLBA_WITH_FRONTEND)
+    if (image_path_.empty()) return;
+    if (!fs::is_directory(image_path_)) throw NoSuchFolder(image_path_, "--image_path");
+    page->photographs = MakeViewPhotographs(model, PhotographFolder(image_path_, model), {},
+                                            photographs_, num_threads_);
+#endif
+  }
+
+  std::string input_path_, output_path_, image_path_, compare_path_, report_path_;
+#if defined(HOLBA_WITH_FRONTEND)
+  ViewPhotographOptions photographs_;
+#endif
+  double max_model_mb_ = 45.0;
+  int num_threads_ = -1;
+  ReadModelOptions read_;
+};
+
+}  // namespace
+
+Command ViewCommand() {
+  return {.name = "view",
+          .summary = "Write one page that shows a model in any browser",
+          .details =
+              "The page holds all that it shows and needs no network. Points, lines, groups, "
+              "cameras and photographs can be\n"
+              "turned around, coloured, picked and measured; press ? in it for its keys.",
+          .make_job = [] { return std::make_unique<ViewJob>(); }};
+}
+
+}  // namespace holba
