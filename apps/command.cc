@@ -33,6 +33,8 @@ const Command* FindCommand(std::string_view name) {
 
 namespace {
 
+thread_local ResultCapture* capture = nullptr;  // the innermost one of this thread
+
 [[noreturn]] void FailResult() {
   throw InputError(
       fmt::format("the result cannot be written to standard output ({}); check the file or program "
@@ -42,7 +44,14 @@ namespace {
 
 }  // namespace
 
+ResultCapture::ResultCapture() : outer_(capture) { capture = this; }
+ResultCapture::~ResultCapture() { capture = outer_; }
+
 void PrintResult(std::string_view text) {
+  if (capture != nullptr) {
+    capture->text_ += text;
+    return;
+  }
   const std::string printable = Printable(text);
   if (std::fwrite(printable.data(), 1, printable.size(), stdout) != printable.size() ||
       std::fflush(stdout) != 0) {
@@ -56,6 +65,7 @@ std::string JsonText(const nlohmann::json& json) {
 }
 
 void ProbeResult() {
+  if (capture != nullptr) return;
   if (write(STDOUT_FILENO, "", 0) < 0) FailResult();
 }
 

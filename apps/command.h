@@ -61,4 +61,22 @@ void PrintResult(std::string_view text);
 // The same of a stdout that is closed or full now.
 void ProbeResult();
 
+// While one lives, results that its thread prints go to it: for callers of commands that are no
+// program.
+class ResultCapture {
+ public:
+  ResultCapture();
+  ~ResultCapture();
+  ResultCapture(const ResultCapture&) = delete;
+  ResultCapture& operator=(const ResultCapture&) = delete;
+
+  const std::string& text() const { return text_; }
+
+ private:
+  friend void PrintResult(std::string_view text);
+
+  std::string text_;
+  ResultCapture* outer_;
+};
+
 }  // namespace holba

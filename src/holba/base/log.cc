@@ -6,7 +6,9 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 
+#include "holba/base/log_sink.h"
 #include "holba/base/printable.h"
 
 namespace holba {
@@ -33,12 +35,20 @@ spdlog::logger& Logger() {
   return *logger;
 }
 
+LogSink& Sink() {
+  static LogSink sink;
+  return sink;
+}
+
 }  // namespace
+
+void SetLogSink(LogSink sink) { Sink() = std::move(sink); }
 
 void SetLogLevel(LogLevel level) { Logger().set_level(ToSpdlog(level)); }
 
 void LogMessage(LogLevel level, std::string_view message) {
   const std::string printable = Printable(message);
+  if (Sink()) return Sink()(level, printable);
   Logger().log(ToSpdlog(level), spdlog::string_view_t(printable.data(), printable.size()));
 }
 

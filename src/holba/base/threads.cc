@@ -19,6 +19,8 @@
 #include <pthread.h>
 #endif
 
+#include "holba/base/interruption.h"
+
 namespace holba {
 namespace {
 
@@ -282,6 +284,7 @@ int NumThreads(int requested) {
 }
 
 void ParallelTasks(int num_threads, size_t num_tasks, FunctionRef<void(size_t)> body) {
+  if (!in_region) ThrowIfInterrupted();
   const int threads = static_cast<int>(std::min<size_t>(NumThreads(num_threads), num_tasks));
   if (threads > 1 && !in_region && PoolOfProcess::Get().pool().Run(threads, num_tasks, body)) {
     return;
