@@ -15,10 +15,10 @@
 #include "holba/io/binary_io.h"
 #include "holba/io/foreign/limap_database.h"
 #include "holba/io/foreign/limap_groups.h"
+#include "holba/io/foreign/limap_words.h"
 #include "holba/io/model_format.h"
 #include "holba/io/model_io.h"
 #include "holba/io/record_faults.h"
-#include "holba/io/text_io.h"
 #include "holba/scene/validity.h"
 
 namespace holba {
@@ -29,47 +29,6 @@ constexpr const char* kFolder = "structures";
 constexpr const char* kDatabase = "structure_database.db";
 constexpr const char* kNames[] = {"structures2d", "lines3D", "groups3D", "wireframe3D"};
 constexpr double kUnset = -1.0;  // scores, uncertainties
-
-// LIMAP's text: words, wherever lines end.
-class WordsIn {
- public:
-  static constexpr bool kBinary = false;
-
-  WordsIn(std::string_view bytes, const fs::path& path) : in_(bytes, path), size_(bytes.size()) {}
-
-  uint32_t Index(const char* what) { return Next(what), in_.Index(what); }
-  uint64_t Number(const char* what) { return Next(what), in_.Number(what); }
-  double Real(const char* what) { return Next(what), in_.Real(what); }
-  int32_t Int32(const char* what) {
-    const double value = Real(what);
-    if (std::abs(value) > 1e6 || std::floor(value) != value)
-      in_.Fail(fmt::format("expected {} (a whole number), found {}", what, value));
-    return static_cast<int32_t>(value);
-  }
-  // Each element takes two characters at least.
-  size_t Count(const char* what, size_t) {
-    const uint64_t count = Number(what);
-    if (count > size_ / 2) {
-      in_.Fail(fmt::format("expected {} of at most {} in a text of {} bytes, found {}", what,
-                           size_ / 2, size_, count));
-    }
-    return count;
-  }
-  [[noreturn]] void Fail(const std::string& message) const { in_.Fail(message); }
-  void Finish() {
-    if (!in_.AtRecordEnd() || in_.NextRecord())
-      in_.Fail("expected the end of the file after its last record, found more words");
-  }
-
- private:
-  void Next(const char* what) {
-    if (in_.AtRecordEnd() && !in_.NextRecord())
-      in_.Fail(fmt::format("expected {}, found no more words: the file is truncated", what));
-  }
-
-  TextIn in_;
-  size_t size_;
-};
 
 template <typename In>
 std::vector<uint32_t> ReadMembers2D(In& in, size_t count) {
