@@ -34,7 +34,7 @@ TEST(Surface, RaysMeetItWhereTheyMeetItsTriangles) {
   for (const Surface& surface : AllShapes()) {
     const SurfaceMesh mesh = Tessellate(surface, kDeviation);
     int num_hits = 0;
-    for (int i = 0; i < 150; ++i) {
+    for (int i = 0; i < 300; ++i) {
       const Vector3d from(random.Uniform(-0.5, 0.5), random.Uniform(-0.5, 0.5), 0.0);
       const Vector3d to =
           surface.origin + Vector3d(random.Normal(0.4), random.Normal(0.4), random.Normal(0.4));
