@@ -34,13 +34,7 @@ class EdgeView {
   std::optional<Vector2d> PixelAt(double part) const {
     const Vector3d in_cam = cam_from_world_ * At(part);
     if (!(in_cam.z() > kMinCosine * in_cam.norm())) return std::nullopt;
-    Vector2d pixel;
-    if (!camera_.model->project(camera_.params.data(), in_cam, &pixel)) return std::nullopt;
-    if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() <= static_cast<double>(camera_.width) &&
-          pixel.y() <= static_cast<double>(camera_.height))) {
-      return std::nullopt;
-    }
-    return pixel;
+    return PixelInImage(camera_, in_cam);
   }
 
   // Whether the edge is seen there: beside it on one side is a flat surface that it bounds, on the
@@ -105,6 +99,18 @@ class EdgeView {
 };
 
 }  // namespace
+
+std::optional<Vector2d> PixelInImage(const Camera& camera, const Vector3d& point_in_cam) {
+  Vector2d pixel;
+  if (!camera.model->project(camera.params.data(), point_in_cam, &pixel)) return std::nullopt;
+  if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() <= static_cast<double>(camera.width) &&
+        pixel.y() <= static_cast<double>(camera.height))) {
+    return std::nullopt;
+  }
+  const auto ray = camera.model->unproject(camera.params.data(), pixel);
+  if (!ray || (*ray - point_in_cam.normalized()).norm() > 1e-6) return std::nullopt;
+  return pixel;
+}
 
 std::vector<Edge> MergeEdges(const std::vector<Edge>& edges) {
   std::vector<Edge> merged;

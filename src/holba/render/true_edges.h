@@ -3,6 +3,7 @@
 // different surfaces of which one at least ends there or is bent there.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "holba/render/place.h"
@@ -13,6 +14,12 @@ namespace holba {
 
 // Edges of one line that touch or overlap become one; edges shorter than a millimetre go.
 std::vector<Edge> MergeEdges(const std::vector<Edge>& edges);
+
+// Pixel of a point in the camera frame. Empty: outside of the image, or a pixel that shows another
+// ray: a lens whose formula folds back beyond its field of view brings points there that no
+// photograph has.
+std::optional<Eigen::Vector2d> PixelInImage(const Camera& camera,
+                                            const Eigen::Vector3d& point_in_cam);
 
 struct VisiblePart {
   double from, to;  // in [0, 1] of the edge

@@ -25,11 +25,6 @@ struct TruePoint {
   std::array<uint8_t, 3> rgb;
 };
 
-bool IsInImage(const Camera& camera, const Vector2d& pixel) {
-  return pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() <= static_cast<double>(camera.width) &&
-         pixel.y() <= static_cast<double>(camera.height);
-}
-
 // A point on the rim or the face of a flat surface.
 bool IsOnFlat(const Surface& surface, const Vector3d& point) {
   const Vector3d local = surface.axes.transpose() * (point - surface.origin);
@@ -110,11 +105,8 @@ class TruthBuilder {
 
   std::optional<Vector2d> PixelOf(const Image& image, const TruePoint& point) const {
     const Camera& camera = model_.cameras.at(image.camera_id);
-    Vector2d pixel;
-    if (!camera.model->project(camera.params.data(), image.cam_from_world * point.xyz, &pixel) ||
-        !IsInImage(camera, pixel)) {
-      return std::nullopt;
-    }
+    const auto pixel = PixelInImage(camera, image.cam_from_world * point.xyz);
+    if (!pixel) return std::nullopt;
     const Vector3d centre = image.cam_from_world.OriginInA();
     const double distance = (point.xyz - centre).norm();
     const auto hit = caster_.Cast(centre, (point.xyz - centre) / distance);
@@ -239,12 +231,10 @@ class TruthBuilder {
         if (!is_corner) continue;
         const Image& image = model_.images.at(image_id);
         const Camera& camera = model_.cameras.at(image.camera_id);
-        Vector2d pixel;
-        if (!camera.model->project(camera.params.data(), image.cam_from_world * corner, &pixel))
-          continue;
-        if (!IsInImage(camera, pixel)) continue;
+        const auto pixel = PixelInImage(camera, image.cam_from_world * corner);
+        if (!pixel) continue;
         track.push_back({image_id, 0});
-        pixels.push_back(pixel);
+        pixels.push_back(*pixel);
       }
       if (track.size() < 2) continue;
       for (size_t i = 0; i < track.size(); ++i) {
