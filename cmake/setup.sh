@@ -11,7 +11,7 @@ holba_build_packages=(
   libeigen3-dev libceres-dev libsuitesparse-dev libmetis-dev libopenblas-dev
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev
   libsqlite3-dev libbz2-dev libopencv-features2d-dev libopencv-imgproc-dev libhdf5-dev zlib1g-dev
-  libjpeg-dev libpng-dev libtiff-dev
+  libjpeg-dev libpng-dev libtiff-dev libembree-dev
   libgtest-dev libgmock-dev python3 python3-numpy
 )
 # The outside check of our files, and the compiler of the fuzzers.

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// holba render: photographs of a small room with known cameras.
+// holba render: photographs of a small room with known cameras, or of a place with exact truth.
 #include <filesystem>
 #include <string>
 #include <string_view>
 
 #include "apps/command.h"
+#include "apps/render/place_set.h"
 #include "holba/base/log.h"
 #include "holba/base/words.h"
 #include "holba/frontend/photographs/photograph.h"
@@ -19,13 +20,17 @@ class RenderJob : public Job {
  public:
   void Describe(OptionTable* table) const override {
     table
-        ->Field(
-            "output_path", &output_path_,
-            "Folder to write the photographs (images) and the model of their cameras (truth) to.")
+        ->Field("output_path", &output_path_,
+                "Folder to write photographs (images) and the model of what is true (truth) to.")
         .Required();
-    table->Field("seed", &room_.seed, AnyValue(), "Seed of the paint and of the noise.");
+    table->Field("preset", &preset_,
+                 "Place to photograph, by its name: small_room, room_1 to room_8, facade_1 to "
+                 "facade_8, hall, "
+                 "corridor, plain_room or table.");
+    table->Field("seed", &room_.seed, AnyValue(), "Another seed, another place of the same kind.");
     table->Field("num_threads", &num_threads_, AtLeast(-1),
                  "Threads; -1: one per hardware thread.");
+    place_.Describe(table);
     room_.Describe(table);
   }
 
@@ -34,44 +39,53 @@ class RenderJob : public Job {
     ProbeModelFolder(std::filesystem::path(output_path_) / kTruth);
   }
 
-  void Run(const Invocation&) override {
-    const RenderedRoom room = RenderRoom(room_, num_threads_);
+  void Run(const Invocation& invocation) override {
     StagedFolder stage(output_path_);
-    StageModel(room.truth, ModelFormat::kText, std::string(kTruth) + '/', &stage);
-    std::filesystem::create_directories(stage.path() / kImages);
-    for (const RenderedPhotograph& photograph : room.photographs) {
-      WriteImage({photograph.width, photograph.height, photograph.rgb},
-                 stage.path() / kImages / photograph.name);
+    if (preset_ == kSmallRoom) {
+      RenderSmallRoom(&stage);
+    } else {
+      RenderPlaceSet(preset_, room_.seed, place_, num_threads_, invocation.quiet, &stage);
     }
-    stage.Commit([](std::string_view name) {
-      const size_t slash = name.find('/');
-      return name == kImages ||
-             (slash != std::string_view::npos && name.substr(0, slash) == kTruth &&
-              IsModelFile(name.substr(slash + 1)));
-    });
-    LogInfo("Wrote {} and the model truth to {}", Counted(room.photographs.size(), "photograph"),
-            output_path_);
+    stage.Commit(IsPlaceSetFile);
+    LogInfo("Wrote images and truth to {}", output_path_);
   }
 
  private:
-  static constexpr std::string_view kImages = "images", kTruth = "truth";
+  static constexpr std::string_view kImages = "images", kTruth = "truth", kSmallRoom = "small_room";
 
-  std::string output_path_;
+  void RenderSmallRoom(StagedFolder* stage) const {
+    const RenderedRoom room = RenderRoom(room_, num_threads_);
+    StageModel(room.truth, ModelFormat::kText, std::string(kTruth) + '/', stage);
+    std::filesystem::create_directories(stage->path() / kImages);
+    for (const RenderedPhotograph& photograph : room.photographs) {
+      WriteImage({photograph.width, photograph.height, photograph.rgb},
+                 stage->path() / kImages / photograph.name);
+    }
+  }
+
+  std::string output_path_, preset_ = std::string(kSmallRoom);
   RoomOptions room_;
+  PlaceSetOptions place_;
   int num_threads_ = -1;
 };
 
 }  // namespace
 
 Command RenderCommand() {
-  return {.name = "render",
-          .summary = "Make photographs of a small room with known cameras",
-          .details =
-              "Draws a corner of a room with painted walls and boxes, as a lens with distortion "
-              "sees it: photographs for demonstrations\n"
-              "and tests, with the true cameras beside them. They have no EXIF, so that the focal "
-              "length is unknown.",
-          .make_job = [] { return std::make_unique<RenderJob>(); }};
+  return {
+      .name = "render",
+      .summary = "Make photographs of man-made places with everything that is true of them",
+      .details =
+          "Without a preset (small_room): a corner of a room with painted walls and boxes, drawn "
+          "in a "
+          "second, with its cameras (options Room.*).\n"
+          "With room_1 to room_8, facade_1 to facade_8, hall, corridor, plain_room or table: "
+          "photographs as "
+          "of a real place, with cameras, edges, planes, primitives\nand what ties them together "
+          "as a model "
+          "(truth), the surfaces (mesh.ply, metres), depth, normals and labels (docs/render.md).\n"
+          "Photographs have no EXIF, so that the focal length is unknown.",
+      .make_job = [] { return std::make_unique<RenderJob>(); }};
 }
 
 }  // namespace holba

@@ -3,6 +3,7 @@
 
 #include <png.h>
 
+#include <bit>
 #include <csetjmp>
 #include <cstdio>
 #include <cstring>
@@ -66,7 +67,14 @@ bool DecodePng(std::FILE* file, PngErrorHandler* handler, DecodedImage* image) {
   return true;
 }
 
-bool EncodePng(const ColourImage& image, std::FILE* file) {
+struct Rows {
+  int width, height;
+  int bits, colour_type;  // of a channel; libpng's
+  const void* first;
+  size_t bytes_of_row;
+};
+
+bool EncodePng(const Rows& rows, std::FILE* file) {
   PngErrorHandler handler;
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &handler, Fail, Ignore);
   if (png == nullptr) return false;
@@ -76,17 +84,25 @@ bool EncodePng(const ColourImage& image, std::FILE* file) {
     return false;
   }
   png_init_io(png, file);
-  png_set_IHDR(png, info, static_cast<png_uint_32>(image.width),
-               static_cast<png_uint_32>(image.height), 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
-               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_set_IHDR(png, info, static_cast<png_uint_32>(rows.width),
+               static_cast<png_uint_32>(rows.height), rows.bits, rows.colour_type,
+               PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   // Pictures are drawn, so that fast compression makes small files, too.
   png_set_compression_level(png, 3);
   png_write_info(png, info);
-  for (size_t y = 0; y < static_cast<size_t>(image.height); ++y)
-    png_write_row(png, image.pixels.data() + 3 * image.width * y);
+  // Files have the larger byte of a number first.
+  if (rows.bits == 16 && std::endian::native == std::endian::little) png_set_swap(png);
+  for (size_t y = 0; y < static_cast<size_t>(rows.height); ++y)
+    png_write_row(png, static_cast<png_const_bytep>(rows.first) + rows.bytes_of_row * y);
   png_write_end(png, nullptr);
   png_destroy_write_struct(&png, &info);
   return true;
+}
+
+bool Write(const Rows& rows, const std::filesystem::path& path) {
+  File file(std::fopen(path.c_str(), "wb"), std::fclose);
+  if (!file || !EncodePng(rows, file.get())) return false;
+  return std::fclose(file.release()) == 0;
 }
 
 }  // namespace
@@ -101,9 +117,16 @@ DecodedImage ReadPng(const std::filesystem::path& path) {
 }
 
 bool WritePng(const ColourImage& image, const std::filesystem::path& path) {
-  File file(std::fopen(path.c_str(), "wb"), std::fclose);
-  if (!file || !EncodePng(image, file.get())) return false;
-  return std::fclose(file.release()) == 0;
+  return Write({image.width, image.height, 8, PNG_COLOR_TYPE_RGB, image.pixels.data(),
+                3 * static_cast<size_t>(image.width)},
+               path);
+}
+
+bool WriteNumberPng(int width, int height, const std::vector<uint16_t>& numbers,
+                    const std::filesystem::path& path) {
+  return Write({width, height, 16, PNG_COLOR_TYPE_GRAY, numbers.data(),
+                sizeof(uint16_t) * static_cast<size_t>(width)},
+               path);
 }
 
 }  // namespace holba

@@ -3,7 +3,9 @@
 // values are numbers, not colours.)
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <vector>
 
 #include "holba/frontend/photographs/decoded_image.h"
 #include "holba/frontend/photographs/photograph.h"
@@ -15,5 +17,8 @@ namespace holba {
 DecodedImage ReadPng(const std::filesystem::path& path);
 // False: it cannot be written.
 bool WritePng(const ColourImage& image, const std::filesystem::path& path);
+// Numbers row by row, as grey of 16 bits: a label map. False: it cannot be written.
+bool WriteNumberPng(int width, int height, const std::vector<uint16_t>& numbers,
+                    const std::filesystem::path& path);
 
 }  // namespace holba
