@@ -19,7 +19,7 @@ echo "Photographs in, a reconstruction out: holba reconstruct --image_path image
 echo "Against the true cameras, which the photographs do not tell:"
 "$holba" evaluate_poses --input_path "$work/model/0" --ground_truth_path "$work/room/truth"
 echo "The photographs are in ${work#"$PWD"/}/room/images, the model is in ${work#"$PWD"/}/model/0."
-echo "Look at ${work#"$PWD"/}/model/0/pictures/top_view.png and the pictures beside it."
+echo "Open ${work#"$PWD"/}/model/0/view.html in a browser to look at it; pictures are in ${work#"$PWD"/}/model/0/pictures."
 echo
 
 "$holba" synthesize --output_path "$work/scene" --num_images 50 --seed 1 --quiet

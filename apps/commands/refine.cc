@@ -32,6 +32,7 @@
 #include "holba/pipeline/output.h"
 #include "holba/pipeline/photograph_folder.h"
 #include "holba/pipeline/regions.h"
+#include "holba/pipeline/view_output.h"
 
 namespace holba {
 namespace {
@@ -53,6 +54,9 @@ class RefineJob : public Job {
                   "Format of the model folder.");
     table->Field("num_pictures", &num_pictures_, AtLeast(-1),
                  "Photographs that are drawn upon, evenly spread over the model; -1: all.");
+    table->Field("view", &view_,
+                 "Whether view.html is written, a page that shows the model in a browser.");
+    photographs_in_view_.Describe(table);
     table->Field("covariances", &covariances_,
                  "Whether covariances.txt is written (of poses, points, lines and groups).");
     read_.Describe(table);
@@ -86,7 +90,7 @@ class RefineJob : public Job {
 
   // What is written into the output folder, but for pictures and the database.
   static bool IsFile(std::string_view name) {
-    return IsModelFile(name) || IsPly(name) || name == kCovariances;
+    return IsModelFile(name) || IsPly(name) || IsViewPage(name) || name == kCovariances;
   }
 
   std::filesystem::path DatabasePath() const {
@@ -177,7 +181,15 @@ class RefineJob : public Job {
     }
     StagePictures(model, photographs_, WithoutPhotograph(*output), num_pictures_,
                   refine_.solver.num_threads, "", &stage);
+    if (view_) {
+      StageViewPage(model, output_path_, &photographs_, WithoutPhotograph(*output),
+                    photographs_in_view_, refine_.solver.num_threads, "", &stage);
+    }
     stage.Commit([](std::string_view name) { return IsFile(name) || IsPictureFolder(name); });
+    if (view_) {
+      LogInfo("Open {} in a browser to look at the model",
+              (std::filesystem::path(output_path_) / kViewPage).string());
+    }
     output->write_seconds += timer.Seconds();
   }
 
@@ -185,6 +197,8 @@ class RefineJob : public Job {
   ModelFormat format_ = ModelFormat::kBinary;
   int num_pictures_ = 4;
   bool covariances_ = false;
+  bool view_ = true;
+  ViewPhotographOptions photographs_in_view_;
   ReadModelOptions read_;
   DetectionOptions detection_;
   MatchLinesOptions matching_;

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // holba view: a model as one page for a browser.
 #include <filesystem>
-#include <fstream>
-#include <optional>
 #include <string>
+#include <utility>
 
 #include "apps/command.h"
 #include "apps/report.h"
@@ -19,6 +18,7 @@
 #include "holba/scene/reconstruction.h"
 #include "holba/view/view_model.h"
 #include "holba/view/view_page.h"
+#include "holba/view/view_title.h"
 #if defined(HOLBA_WITH_FRONTEND)
 #include "holba/pipeline/view_output.h"
 #endif
@@ -75,7 +75,8 @@ class ViewJob : public Job {
       page.compare = MakeViewModel(ReadAligned(model), Options(compare_path_, ""), origin).bytes;
     AddPhotographs(model, &page);
     const fs::path path =
-        output_path_.empty() ? TemporaryPage(Name(input_path_)) : fs::path(output_path_);
+
+        output_path_.empty() ? TemporaryPage("model") : fs::path(output_path_);
     WriteFileWhole(path, [&](std::ostream* stream) { FormatViewPage(page, stream); });
     LogInfo("Wrote {} to {} ({:.1f} MB)", ContentsText(model), path.string(),
             static_cast<double>(fs::file_size(path)) / 1e6);
@@ -85,19 +86,14 @@ class ViewJob : public Job {
 
  private:
   Reconstruction Read(const std::string& path) const {
-    return fs::is_regular_file(path) ? ReadBal(path) : ReadModel(path, read_);
+    if (fs::is_regular_file(path)) return ReadBal(path);
+    // Also poses alone are something to look at.
+    if (!FindModelFormat(path) && HoldsPoses(path)) return ReadPoses(path);
+    return ReadModel(path, read_);
   }
 
-  // The last name of a path that has one: of "sparse/0/" it is "0".
-  static std::string Name(const fs::path& path) {
-    const fs::path whole = fs::absolute(path).lexically_normal();
-    return (whole.has_filename() ? whole : whole.parent_path()).filename().string();
-  }
-
-  ViewModelOptions Options(const fs::path& path, std::string report) const {
-    const fs::path whole = fs::absolute(path).lexically_normal();
-    const fs::path folder = whole.has_filename() ? whole : whole.parent_path();
-    return {.title = folder.parent_path().filename().string() + "/" + Name(path),
+  ViewModelOptions Options(const std::string& path, std::string report) const {
+    return {.title = ViewTitle(path),
             .report = std::move(report),
             .num_threads = num_threads_,
             .max_num_bytes = static_cast<size_t>(max_model_mb_ * 1e6)};

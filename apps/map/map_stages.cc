@@ -27,6 +27,7 @@
 #include "holba/pipeline/colours.h"
 #include "holba/pipeline/output.h"
 #include "holba/pipeline/photograph_folder.h"
+#include "holba/pipeline/view_output.h"
 #include "holba/sfm/snapshot_archive.h"
 
 namespace holba {
@@ -168,7 +169,8 @@ void ProbeModels(const std::filesystem::path& folder) {
 bool IsOfModels(std::string_view name) {
   if (name == kReportText || name == kReportJson) return true;
   const auto inside = InNumberedFolder(name);
-  return inside && (IsModelFile(*inside) || IsPly(*inside) || IsPictureFolder(*inside));
+  return inside && (IsModelFile(*inside) || IsPly(*inside) || IsViewPage(*inside) ||
+                    IsPictureFolder(*inside));
 }
 
 MapReports ReportsOf(const MapOutput& output) { return {MapToText(output), MapToJson(output)}; }
@@ -194,6 +196,10 @@ void MapStages::DescribeWithoutPhotographs(OptionTable* table) const {
       "weights chosen by points left out, intrinsics as far as they are determined.");
   table->Field("num_pictures", &num_pictures_, AtLeast(-1),
                "Photographs that are drawn upon, evenly spread over each model; -1: all.");
+  table->Field("view", &view_,
+               "Whether view.html is written into each model's folder, a page that shows the model "
+               "in a browser.");
+  photographs_in_view_.Describe(table);
   table
       ->Field("align_to_positions", &align_to_positions_,
               "Whether models are put where the positions of their images say (GPS in EXIF, or of "
@@ -316,9 +322,16 @@ ContinueReport MapStages::Continue(const std::filesystem::path& input_path,
 
 std::string MapStages::OptionsText() const {
   // What the result of the mapper does not depend on.
-  static const std::set<std::string> others = {
-      "output_type",      "num_pictures",      "refine", "resume", "align_to_positions",
-      "snapshot_seconds", "Solver.num_threads"};
+  static const std::set<std::string> others = {"output_type",
+                                               "num_pictures",
+                                               "refine",
+                                               "resume",
+                                               "view",
+                                               "photograph_px",
+                                               "max_photographs_mb",
+                                               "align_to_positions",
+                                               "snapshot_seconds",
+                                               "Solver.num_threads"};
   OptionTable table;
   DescribeWithoutPhotographs(&table);
   std::string text;
@@ -354,14 +367,25 @@ void MapStages::Write(const MapPaths& paths, const MapReports& reports,
     const std::string folder = std::to_string(i) + "/";
     StageModel(models[i], format_, folder, &stage);
     StageStructurePly(models[i], folder, &stage);
-    if (paths.image_path.empty()) continue;
-    StagePictures(models[i], PhotographFolder(paths.image_path, models[i]), without_photograph,
-                  num_pictures_, num_threads(), folder, &stage);
+    std::optional<PhotographFolder> photographs;
+    if (!paths.image_path.empty()) photographs.emplace(paths.image_path, models[i]);
+    if (view_) {
+      StageViewPage(models[i], std::filesystem::path(paths.output_path) / folder,
+                    photographs ? &*photographs : nullptr, without_photograph, photographs_in_view_,
+                    num_threads(), folder, &stage);
+    }
+    if (!photographs) continue;
+    StagePictures(models[i], *photographs, without_photograph, num_pictures_, num_threads(), folder,
+                  &stage);
   }
   stage.Write(kReportText, [&](std::ostream* stream) { *stream << Printable(reports.text); });
   stage.Write(kReportJson, [&](std::ostream* stream) { *stream << JsonText(reports.json); });
   stage.Commit(IsOfModels);
   RemoveEmptyFolders(paths.output_path);
+  if (view_ && !models.empty()) {
+    LogInfo("Open {} in a browser to look at the model",
+            (std::filesystem::path(paths.output_path) / "0" / kViewPage).string());
+  }
 }
 
 void MapStages::Refine(const MapPaths& paths, const MappingData& data, Database* database,

@@ -17,6 +17,7 @@
 #include "holba/pipeline/mapping.h"
 #include "holba/pipeline/match_lines.h"
 #include "holba/pipeline/regions.h"
+#include "holba/pipeline/view_output.h"
 #include "holba/sfm/mapper_options.h"
 #include "holba/sfm/refine.h"
 
@@ -82,6 +83,8 @@ class MapStages {
   ModelFormat format_ = ModelFormat::kBinary;
   bool refine_models_ = true;
   int num_pictures_ = 4;
+  bool view_ = true;
+  ViewPhotographOptions photographs_in_view_;
   bool resume_ = false;
   bool align_to_positions_ = true;
   double snapshot_seconds_ = 10.0;

@@ -421,6 +421,7 @@ export class Stage {
     return result;
   }
   project(p: THREE.Vector3): { x: number; y: number; visible: boolean } {
+    this.camera.updateMatrixWorld(); // it may have moved since the last frame
     const q = p.clone().project(this.camera as THREE.Camera);
     return { x: ((q.x + 1) / 2) * this.canvas.clientWidth, y: ((1 - q.y) / 2) * this.canvas.clientHeight, visible: q.z > -1 && q.z < 1 };
   }

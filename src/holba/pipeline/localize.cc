@@ -390,6 +390,7 @@ class Localizer {
         if (is_new) model_.cameras.Add(next_camera++, localized.camera);
         camera_id = it->second;
       }
+      ForgetWaiting(localized.name);
       Image image;
       image.name = localized.name;
       image.camera_id = camera_id;
@@ -402,6 +403,19 @@ class Localizer {
       model_.RegisterImage(id, localized.pose->cam_from_world);
       Observe(id, task);
       localized.image_id = id;
+    }
+  }
+
+  // An image that the model knows without a pose is the one that has one now.
+  void ForgetWaiting(const std::string& name) {
+    for (const auto& [id, image] : model_.unregistered_images) {
+      if (image.name != name) continue;
+      const frame_t frame_id = image.frame_id;
+      const Frame* frame = model_.unregistered_frames.Find(frame_id);
+      if (frame != nullptr && frame->data_ids.size() == 1)
+        model_.unregistered_frames.Remove(frame_id);
+      model_.unregistered_images.Remove(id);
+      return;
     }
   }
 

@@ -183,6 +183,19 @@ TEST_F(LocalizeTest, TheModelGetsTheNewImagesAndStaysAsItWas) {
   EXPECT_EQ(num_observed, 72u);
 }
 
+TEST_F(LocalizeTest, AnImageThatWaitsInTheModelIsTheOneThatGetsAPose) {
+  Image waiting;
+  waiting.name = "new1";
+  waiting.camera_id = 7;
+  model_.AddUnregisteredImage(500, waiting);
+  auto images = Run();
+  ASSERT_TRUE(images.at("new1").pose);
+  EXPECT_EQ(model_.images.size(), 8u);
+  EXPECT_TRUE(model_.unregistered_images.empty());
+  EXPECT_TRUE(model_.unregistered_frames.empty());
+  EXPECT_EQ(model_.FindInconsistency(), std::nullopt);
+}
+
 TEST_F(LocalizeTest, ThreadsChangeNothing) {
   const Reconstruction before = model_;
   options_.matching.num_threads = 1;

@@ -13,6 +13,7 @@
 #include "holba/frontend/photographs/photograph.h"
 #include "holba/frontend/photographs/shrink.h"
 #include "holba/view/view_model.h"
+#include "holba/view/view_title.h"
 
 namespace holba {
 namespace {
@@ -74,16 +75,17 @@ std::vector<ViewPhotograph> MakeViewPhotographs(const Reconstruction& model,
   return photographs;
 }
 
-void StageViewPage(const Reconstruction& model, const std::string& title, const std::string& report,
-                   const PhotographFolder* folder, const std::set<image_t>& without_photograph,
+void StageViewPage(const Reconstruction& model, const std::filesystem::path& model_folder,
+                   const PhotographFolder* photographs, const std::set<image_t>& without_photograph,
                    const ViewPhotographOptions& options, int num_threads, const std::string& prefix,
                    StagedFolder* stage) {
   ViewPage page;
   page.model =
-      MakeViewModel(model, {.title = title, .report = report, .num_threads = num_threads}).bytes;
-  if (folder)
+      MakeViewModel(model, {.title = ViewTitle(model_folder), .num_threads = num_threads}).bytes;
+  if (photographs) {
     page.photographs =
-        MakeViewPhotographs(model, *folder, without_photograph, options, num_threads);
+        MakeViewPhotographs(model, *photographs, without_photograph, options, num_threads);
+  }
   stage->Write(prefix + kViewPage, [&](std::ostream* stream) { FormatViewPage(page, stream); });
 }
 

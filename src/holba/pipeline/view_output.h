@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <ostream>
 #include <set>
 #include <string>
@@ -33,10 +34,11 @@ std::vector<ViewPhotograph> MakeViewPhotographs(const Reconstruction& model,
                                                 const ViewPhotographOptions& options,
                                                 int num_threads);
 
-// view.html for the stage of a model's folder. `prefix`: "", or "FOLDER/" in the stage. `title`
-// heads the page, `report` (may be empty) is on a tab of it. `folder`: null: without photographs.
-void StageViewPage(const Reconstruction& model, const std::string& title, const std::string& report,
-                   const PhotographFolder* folder, const std::set<image_t>& without_photograph,
+// view.html for the stage of a model's folder, `model_folder`, whose last names head the page.
+// `prefix`: "", or "FOLDER/" in the stage. `photographs`: null: without. Nothing in the page
+// depends on when or how fast the model was made.
+void StageViewPage(const Reconstruction& model, const std::filesystem::path& model_folder,
+                   const PhotographFolder* photographs, const std::set<image_t>& without_photograph,
                    const ViewPhotographOptions& options, int num_threads, const std::string& prefix,
                    StagedFolder* stage);
 

@@ -61,7 +61,9 @@ TEST(Surface, TheNormalIsOutwardAndAcrossTheChart) {
     for (const Vector2d& step : {Vector2d(1e-6, 0), Vector2d(0, 1e-6)}) {
       EXPECT_NEAR((PointOfChart(surface, at + step) - point).normalized().dot(normal), 0.0, 1e-4);
     }
-    if (surface.shape == Shape::kEllipsoid) EXPECT_GT(normal.dot(point - surface.origin), 0.0);
+    if (surface.shape == Shape::kEllipsoid) {
+      EXPECT_GT(normal.dot(point - surface.origin), 0.0);
+    }
     EXPECT_LT((ChartOf(surface, point) - at).norm(), 1e-12);
   }
 }

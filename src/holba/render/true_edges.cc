@@ -12,7 +12,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kSamePlace = 1e-7;  // metres: rounding of what was built, far below what is built
 constexpr double kStepPx = 1.5;      // between the places at which an edge is looked at
 constexpr double kAcrossPx = 0.3;    // how far beside it
 const double kMinCosine = std::cos(85.0 / kDegPerRad);

@@ -12,6 +12,9 @@
 
 namespace holba {
 
+// Metres: rounding of what was built, far below what is built.
+inline constexpr double kSamePlace = 1e-7;
+
 // Edges of one line that touch or overlap become one; edges shorter than a millimetre go.
 std::vector<Edge> MergeEdges(const std::vector<Edge>& edges);
 

@@ -17,7 +17,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kSamePlace = 1e-7;  // metres: rounding of what was built, far below what is built
 
 struct TruePoint {
   Vector3d xyz;
