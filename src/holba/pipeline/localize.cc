@@ -411,9 +411,12 @@ class Localizer {
     for (const auto& [id, image] : model_.unregistered_images) {
       if (image.name != name) continue;
       const frame_t frame_id = image.frame_id;
-      const Frame* frame = model_.unregistered_frames.Find(frame_id);
-      if (frame != nullptr && frame->data_ids.size() == 1)
-        model_.unregistered_frames.Remove(frame_id);
+      if (Frame* frame = model_.unregistered_frames.Find(frame_id)) {
+        std::erase_if(frame->data, [id](const Frame::Data& data) {
+          return data.sensor.type == SensorType::kCamera && data.data_id == id;
+        });
+        if (frame->data.empty()) model_.unregistered_frames.Remove(frame_id);
+      }
       model_.unregistered_images.Remove(id);
       return;
     }
