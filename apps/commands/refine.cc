@@ -182,14 +182,11 @@ class RefineJob : public Job {
     StagePictures(model, photographs_, WithoutPhotograph(*output), num_pictures_,
                   refine_.solver.num_threads, "", &stage);
     if (view_) {
-      StageViewPage(model, output_path_, &photographs_, WithoutPhotograph(*output),
-                    photographs_in_view_, refine_.solver.num_threads, "", &stage);
+      StageViewPage(model, &photographs_, WithoutPhotograph(*output), photographs_in_view_,
+                    refine_.solver.num_threads, "", &stage);
     }
     stage.Commit([](std::string_view name) { return IsFile(name) || IsPictureFolder(name); });
-    if (view_) {
-      LogInfo("Open {} in a browser to look at the model",
-              (std::filesystem::path(output_path_) / kViewPage).string());
-    }
+    if (view_) LogViewPage(output_path_);
     output->write_seconds += timer.Seconds();
   }
 

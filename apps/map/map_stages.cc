@@ -370,9 +370,8 @@ void MapStages::Write(const MapPaths& paths, const MapReports& reports,
     std::optional<PhotographFolder> photographs;
     if (!paths.image_path.empty()) photographs.emplace(paths.image_path, models[i]);
     if (view_) {
-      StageViewPage(models[i], std::filesystem::path(paths.output_path) / folder,
-                    photographs ? &*photographs : nullptr, without_photograph, photographs_in_view_,
-                    num_threads(), folder, &stage);
+      StageViewPage(models[i], photographs ? &*photographs : nullptr, without_photograph,
+                    photographs_in_view_, num_threads(), folder, &stage);
     }
     if (!photographs) continue;
     StagePictures(models[i], *photographs, without_photograph, num_pictures_, num_threads(), folder,
@@ -382,10 +381,7 @@ void MapStages::Write(const MapPaths& paths, const MapReports& reports,
   stage.Write(kReportJson, [&](std::ostream* stream) { *stream << JsonText(reports.json); });
   stage.Commit(IsOfModels);
   RemoveEmptyFolders(paths.output_path);
-  if (view_ && !models.empty()) {
-    LogInfo("Open {} in a browser to look at the model",
-            (std::filesystem::path(paths.output_path) / "0" / kViewPage).string());
-  }
+  if (view_ && !models.empty()) LogViewPage(std::filesystem::path(paths.output_path) / "0");
 }
 
 void MapStages::Refine(const MapPaths& paths, const MappingData& data, Database* database,

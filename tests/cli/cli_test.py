@@ -183,9 +183,11 @@ class Errors(Case):
             required = [option["name"] for option in options if option["required"]]
             if "input_path" not in required:
                 continue
-            values = {"input_path": absent, "output_path": output}
+            values = {"input_path": absent, "output_path": output, "dataset": "ETH3D"}
             words = [word for option in required
                      for word in (f"--{option}", values.get(option, self.model))]
+            if name == "evaluate_geometry":
+                words += ["--mesh_path", self.model]  # one truth of several
             self.assertIn(str(absent), self.refuses(name, *words))
             self.assertFalse(output.exists())
             tried += 1
@@ -219,7 +221,9 @@ class Errors(Case):
                 continue
             tried.append(name)
             words = [word for option in options if option["required"] and option["name"] != "output_path"
-                     for word in (f"--{option['name']}", absent)]
+                     for word in (f"--{option['name']}", "ETH3D" if option["name"] == "dataset" else absent)]
+            if name == "evaluate_geometry":
+                words += ["--mesh_path", absent]  # one truth of several
             # No folder can be made in the first (not even by root) nor in the second.
             for output in ("/proc/no/such", self.folder / "file" / "output", self.folder / "file",
                            self.folder / ("n" * 300), self.folder / "taken"):

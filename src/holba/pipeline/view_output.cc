@@ -13,7 +13,6 @@
 #include "holba/frontend/photographs/photograph.h"
 #include "holba/frontend/photographs/shrink.h"
 #include "holba/view/view_model.h"
-#include "holba/view/view_title.h"
 
 namespace holba {
 namespace {
@@ -75,18 +74,25 @@ std::vector<ViewPhotograph> MakeViewPhotographs(const Reconstruction& model,
   return photographs;
 }
 
-void StageViewPage(const Reconstruction& model, const std::filesystem::path& model_folder,
-                   const PhotographFolder* photographs, const std::set<image_t>& without_photograph,
+void StageViewPage(const Reconstruction& model, const PhotographFolder* photographs,
+                   const std::set<image_t>& without_photograph,
                    const ViewPhotographOptions& options, int num_threads, const std::string& prefix,
                    StagedFolder* stage) {
   ViewPage page;
-  page.model =
-      MakeViewModel(model, {.title = ViewTitle(model_folder), .num_threads = num_threads}).bytes;
+  page.model = MakeViewModel(
+                   model, {.title = prefix.empty() ? "Model"
+                                                   : "Model " + prefix.substr(0, prefix.size() - 1),
+                           .num_threads = num_threads})
+                   .bytes;
   if (photographs) {
     page.photographs =
         MakeViewPhotographs(model, *photographs, without_photograph, options, num_threads);
   }
   stage->Write(prefix + kViewPage, [&](std::ostream* stream) { FormatViewPage(page, stream); });
+}
+
+void LogViewPage(const std::filesystem::path& model_folder) {
+  LogInfo("Open {} in a browser to look at the model", (model_folder / kViewPage).string());
 }
 
 bool IsViewPage(std::string_view name) { return name == kViewPage; }

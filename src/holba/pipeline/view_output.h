@@ -34,13 +34,16 @@ std::vector<ViewPhotograph> MakeViewPhotographs(const Reconstruction& model,
                                                 const ViewPhotographOptions& options,
                                                 int num_threads);
 
-// view.html for the stage of a model's folder, `model_folder`, whose last names head the page.
-// `prefix`: "", or "FOLDER/" in the stage. `photographs`: null: without. Nothing in the page
-// depends on when or how fast the model was made.
-void StageViewPage(const Reconstruction& model, const std::filesystem::path& model_folder,
-                   const PhotographFolder* photographs, const std::set<image_t>& without_photograph,
+// view.html for the stage of a model's folder. `prefix`: "", or "FOLDER/" in the stage.
+// `photographs`: null: without. Nothing in the page depends on where, when or how fast the model
+// was made.
+void StageViewPage(const Reconstruction& model, const PhotographFolder* photographs,
+                   const std::set<image_t>& without_photograph,
                    const ViewPhotographOptions& options, int num_threads, const std::string& prefix,
                    StagedFolder* stage);
+
+// Says where it is, once the stage is committed.
+void LogViewPage(const std::filesystem::path& model_folder);
 
 // The name of it, for the stage's Commit.
 bool IsViewPage(std::string_view name);
