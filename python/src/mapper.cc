@@ -278,7 +278,7 @@ void BindState(nb::class_<PyMapper>* type) {
       "visibility",
       [](PyMapper& m, image_t id) {
         m.CheckWaiting(id);
-        const Visibility& v = m.state.VisibilityOf(id);
+        const ImageVisibility& v = m.state.VisibilityOf(id);
         return std::tuple(v.num_points, v.num_lines, v.score);
       },
       nb::arg("image_id"),
