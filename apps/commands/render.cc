@@ -25,8 +25,7 @@ class RenderJob : public Job {
         .Required();
     table->Field("preset", &preset_,
                  "Place to photograph, by its name: small_room, room_1 to room_8, facade_1 to "
-                 "facade_8, hall, "
-                 "corridor, plain_room or table.");
+                 "facade_8, hall, corridor, plain_room or table.");
     table->Field("seed", &room_.seed, AnyValue(), "Another seed, another place of the same kind.");
     table->Field("num_threads", &num_threads_, AtLeast(-1),
                  "Threads; -1: one per hardware thread.");
@@ -72,20 +71,19 @@ class RenderJob : public Job {
 }  // namespace
 
 Command RenderCommand() {
-  return {
-      .name = "render",
-      .summary = "Make photographs of man-made places with everything that is true of them",
-      .details =
-          "Without a preset (small_room): a corner of a room with painted walls and boxes, drawn "
-          "in a "
-          "second, with its cameras (options Room.*).\n"
-          "With room_1 to room_8, facade_1 to facade_8, hall, corridor, plain_room or table: "
-          "photographs as "
-          "of a real place, with cameras, edges, planes, primitives\nand what ties them together "
-          "as a model "
-          "(truth), the surfaces (mesh.ply, metres), depth, normals and labels (docs/render.md).\n"
-          "Photographs have no EXIF, so that the focal length is unknown.",
-      .make_job = [] { return std::make_unique<RenderJob>(); }};
+  return {.name = "render",
+          .summary = "Make photographs of man-made places with everything that is true of them",
+          .details =
+              "Without a preset (small_room): a corner of a room with painted walls and boxes, "
+              "drawn in "
+              "a second, with its cameras (options Room.*).\n"
+              "With room_1 to room_8, facade_1 to facade_8, hall, corridor, plain_room or table "
+              "(options Camera.*, Walk.*, Photo.*): photographs as of a real place, with cameras, "
+              "edges, "
+              "planes, primitives and what ties them together as a model (truth), the surfaces "
+              "(mesh.ply, metres), depth, normals and labels (docs/render.md).\n"
+              "Photographs have no EXIF, so that the focal length is unknown.",
+          .make_job = [] { return std::make_unique<RenderJob>(); }};
 }
 
 }  // namespace holba

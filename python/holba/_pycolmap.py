@@ -85,40 +85,40 @@ def to_pycolmap(model: Reconstruction) -> Any:
         )
     types = {0: pycolmap.SensorType.CAMERA, 1: pycolmap.SensorType.IMU}
     for rig_id, rig in model.rigs.items():
-        made = pycolmap.Rig()
-        made.rig_id = rig_id
+        made_rig = pycolmap.Rig()
+        made_rig.rig_id = rig_id
         if rig.ref_sensor is not None:
-            made.add_ref_sensor(pycolmap.sensor_t(types[rig.ref_sensor[0]], rig.ref_sensor[1]))
+            made_rig.add_ref_sensor(pycolmap.sensor_t(types[rig.ref_sensor[0]], rig.ref_sensor[1]))
         for sensor_type, sensor_id, pose in rig.sensors:
             sensor = pycolmap.sensor_t(types[sensor_type], sensor_id)
-            made.add_sensor(sensor, None if pose is None else _to_rigid(pycolmap, pose))
-        out.add_rig(made)
+            made_rig.add_sensor(sensor, None if pose is None else _to_rigid(pycolmap, pose))
+        out.add_rig(made_rig)
     frames = [*model.frames.items(), *model.unregistered_frames.items()]
     for frame_id, frame in frames:
-        made = pycolmap.Frame()
-        made.frame_id = frame_id
-        made.rig_id = frame.rig_id
+        made_frame = pycolmap.Frame()
+        made_frame.frame_id = frame_id
+        made_frame.rig_id = frame.rig_id
         for sensor_type, sensor_id, data_id in frame.data_ids:
-            made.add_data_id(pycolmap.data_t(pycolmap.sensor_t(types[sensor_type], sensor_id), data_id))
+            made_frame.add_data_id(pycolmap.data_t(pycolmap.sensor_t(types[sensor_type], sensor_id), data_id))
         pose = frame.rig_from_world
         if pose is not None:
-            made.rig_from_world = _to_rigid(pycolmap, pose)
-        out.add_frame(made)
+            made_frame.rig_from_world = _to_rigid(pycolmap, pose)
+        out.add_frame(made_frame)
     for image_id, image in [*model.images.items(), *model.unregistered_images.items()]:
-        made = pycolmap.Image(name=image.name, camera_id=image.camera_id, image_id=image_id)
-        made.frame_id = image.frame_id
-        made.points2D = pycolmap.Point2DList([pycolmap.Point2D(xy) for xy in image.points2D])
-        out.add_image(made)
+        made_image = pycolmap.Image(name=image.name, camera_id=image.camera_id, image_id=image_id)
+        made_image.frame_id = image.frame_id
+        made_image.points2D = pycolmap.Point2DList([pycolmap.Point2D(xy) for xy in image.points2D])
+        out.add_image(made_image)
     for point_id, point in model.points3D.items():
         track = pycolmap.Track()
         for image_id, idx in point.track:
             track.add_element(image_id, idx)
-        made = pycolmap.Point3D()
-        made.xyz = point.xyz
-        made.color = np.array(point.rgb, dtype=np.uint8)
-        made.error = point.error
-        made.track = track
-        out.add_point3D_with_id(point_id, made)
+        made_point = pycolmap.Point3D()
+        made_point.xyz = point.xyz
+        made_point.color = np.array(point.rgb, dtype=np.uint8)
+        made_point.error = point.error
+        made_point.track = track
+        out.add_point3D_with_id(point_id, made_point)
     return out
 
 

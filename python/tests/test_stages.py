@@ -20,7 +20,7 @@ def photo_set(tmp_path_factory) -> pathlib.Path:
 @pytest.fixture(scope="module")
 def room(tmp_path_factory) -> pathlib.Path:
     path = tmp_path_factory.mktemp("room")
-    holba.render(path, num_images=6)
+    holba.render(path, room_num_images=6)
     return path
 
 

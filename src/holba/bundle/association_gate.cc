@@ -288,9 +288,8 @@ class Tester {
     to_its_basis.bottomRightCorner<2, 2>() = to_its_basis.topLeftCorner<2, 2>();
     J = (J * to_its_basis).eval();
     if (moments.isZero(0.0)) return {0.0, 1};
-    // Of dynamic size, for the sake of the time to compile it.
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> covariance(J * line.covariance *
-                                                                    J.transpose());
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> covariance(
+        J * line.covariance * J.transpose());
     const double least = 1e-9 * covariance.eigenvalues()[5];  // smaller ones are rounding
     Offset offset{0.0, 0};
     for (int k = 6 - kMaxDegreesOfFreedom; k < 6; ++k) {
@@ -372,6 +371,18 @@ class Tester {
     return -2 * k;
   }
 
+  // Members of a surface that passed: of their mean square in standard deviations, and of what
+  // neighbours have in common.
+  int HalvingsOfScatter(const GroupType& type, double mean_square,
+                        std::vector<MemberOffset>* offsets) const {
+    const auto halvings = [](double factor, int most) {
+      return std::min(most, static_cast<int>(std::lround(std::log2(std::max(factor, 1.0)))));
+    };
+    return std::max(
+        halvings(VarianceOfPassed(mean_square, confidence_), kMaxHalvings),
+        halvings(CoherentVariance(type.manifold->tangent, offsets), kMaxCoherentHalvings));
+  }
+
   void TestGroup(const SelectedGroup& selected) {
     const group3D_t id = selected.id;
     const Group3D& group = model_.groups3D.at(id);
@@ -429,25 +440,12 @@ class Tester {
       ++report_.groups_dropped;
       return;
     }
-    if (type.IsParallelism()) {
-      const int halvings = HalvingsOfParallel(type, g, members);
-      if (halvings != 0) report_.filter.halvings[id] = halvings;
-      std::vector<double>& params = report_.group_params[id];
-      params.resize(type.num_file_params);
-      type.to_file(g, params.data());
-      return;
-    }
     const double mean_square =
         (sum_squares + kPriorMembers * MeanSquareOfPassed(1.0, confidence_)) /
         (static_cast<double>(accepted) + kPriorMembers);
-    const double variance = VarianceOfPassed(mean_square, confidence_);
-    const auto halvings_of = [](double factor, int most) {
-      return std::min(most, static_cast<int>(std::lround(std::log2(std::max(factor, 1.0)))));
-    };
-    const int halvings = std::max(
-        halvings_of(variance, kMaxHalvings),
-        halvings_of(CoherentVariance(type.manifold->tangent, &offsets), kMaxCoherentHalvings));
-    if (halvings > 0) report_.filter.halvings[id] = halvings;
+    const int halvings = type.IsParallelism() ? HalvingsOfParallel(type, g, members)
+                                              : HalvingsOfScatter(type, mean_square, &offsets);
+    if (halvings != 0) report_.filter.halvings[id] = halvings;
     std::vector<double>& params = report_.group_params[id];
     params.resize(type.num_file_params);
     type.to_file(g, params.data());

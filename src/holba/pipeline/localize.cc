@@ -408,8 +408,9 @@ class Localizer {
 
   // An image that the model knows without a pose is the one that has one now.
   void ForgetWaiting(const std::string& name) {
-    for (const auto& [id, image] : model_.unregistered_images) {
+    for (const auto& [waiting_id, image] : model_.unregistered_images) {
       if (image.name != name) continue;
+      const image_t id = waiting_id;  // the pair is removed below
       const frame_t frame_id = image.frame_id;
       if (Frame* frame = model_.unregistered_frames.Find(frame_id)) {
         std::erase_if(frame->data, [id](const Frame::Data& data) {

@@ -16,7 +16,7 @@ void WalkOptions::Describe(OptionTable* table) const {
   table->Section("Walk");
   table
       ->Field("num_images", &num_images, AtLeast(-1),
-              "Photographs on the walk, of each camera of a rig; -1: as many as suit the place.")
+              "Photographs of each camera; -1: as many as suit the place.")
       .Basic();
   table
       ->Choice("rig", &rig,

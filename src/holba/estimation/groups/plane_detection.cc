@@ -10,6 +10,7 @@
 #include "holba/estimation/groups/plane_points.h"
 #include "holba/estimation/groups/plane_search.h"
 #include "holba/estimation/groups/plane_split.h"
+#include "holba/estimation/points/point_uncertainty.h"
 #include "holba/geometry/angle.h"
 #include "holba/group/known_types.h"
 #include "holba/robust/median.h"
@@ -76,7 +77,10 @@ std::vector<Eigen::Vector3d> NormalsOfVanishingPoints(const Reconstruction& mode
 // Adds the planes among points that are on none yet.
 PlaneReport AddPlanes(const PlaneOptions& options, Reconstruction* model) {
   PlaneReport report;
-  std::vector<PlanePoint> eligible = EligiblePoints(options, *model, false, &report);
+  const ViewMap views(*model);
+  report.sigma_px = MeasurePointSigmaPx(*model, views).value_or(1.0);
+  std::vector<PlanePoint> eligible = EligiblePoints(options, *model, views, WhichPoints::kOnNoPlane,
+                                                    report.sigma_px, &report.dropped);
   report.points_eligible = eligible.size();
   if (eligible.empty()) return report;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
@@ -111,7 +115,7 @@ PlaneReport AddPlanes(const PlaneOptions& options, Reconstruction* model) {
 
 PlaneReport DetectPlanes(const PlaneOptions& options, Reconstruction* model) {
   PlaneReport report = AddPlanes(options, model);
-  report.planes_split = SplitPlanes(options, model);
+  report.planes_split = SplitPlanes(options, report.sigma_px, model);
   report.planes += report.planes_split;
   return report;
 }

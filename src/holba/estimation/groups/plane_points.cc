@@ -21,28 +21,30 @@ constexpr size_t kGraphNeighbours = 10;
 }  // namespace
 
 std::vector<PlanePoint> EligiblePoints(const PlaneOptions& options, const Reconstruction& model,
-                                       bool of_planes, PlaneReport* report) {
-  const ViewMap views(model);
-  report->sigma_px = MeasurePointSigmaPx(model, views).value_or(1.0);
+                                       const ViewMap& views, WhichPoints which, double sigma_px,
+                                       std::map<std::string, size_t>* dropped) {
+  const auto drop = [dropped](const char* reason) {
+    if (dropped != nullptr) ++(*dropped)[reason];
+  };
   std::unordered_set<point3D_t> taken;
   for (const auto& [id, group] : model.groups3D) {
     if (IsPlane(*group.type)) taken.insert(group.point3D_ids.begin(), group.point3D_ids.end());
   }
   std::vector<PlanePoint> points;
   for (const auto& [id, point] : model.points3D) {
-    if (taken.contains(id) != of_planes) continue;
+    if (taken.contains(id) != (which == WhichPoints::kOnPlanes)) continue;
     const std::optional<PointGeometry> geometry = GeometryOf(views, point);
     if (!geometry || geometry->num_images < static_cast<size_t>(options.min_images)) {
-      ++report->dropped["point: few images"];
+      drop("point: few images");
       continue;
     }
     if (geometry->angle_rad < DegToRad(options.min_angle_deg)) {
-      ++report->dropped["point: small angle"];
+      drop("point: small angle");
       continue;
     }
-    const auto covariance = PointCovariance(views, point.xyz, point.track, report->sigma_px);
+    const auto covariance = PointCovariance(views, point.xyz, point.track, sigma_px);
     if (!covariance) {
-      ++report->dropped["point: unknown depth"];
+      drop("point: unknown depth");
       continue;
     }
     points.push_back({id, point.xyz, geometry->gsd,

@@ -9,11 +9,14 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "holba/estimation/groups/plane_detection.h"
 #include "holba/scene/reconstruction.h"
+#include "holba/scene/views.h"
 
 namespace holba {
 
@@ -43,10 +46,14 @@ inline double AngleRad(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), std::abs(a.dot(b)));
 }
 
-// Points of enough images and angle that are on no plane yet (of planes: that are), with the
-// uncertainty that the noise of all points gives them (report: sigma_px, what was dropped).
+// Of which points: those that are on no plane yet, or those that are.
+enum class WhichPoints { kOnNoPlane, kOnPlanes };
+
+// Points of enough images and angle, with the uncertainty that noise of `sigma_px` gives them.
+// Counts what was dropped by reason (null: not).
 std::vector<PlanePoint> EligiblePoints(const PlaneOptions& options, const Reconstruction& model,
-                                       bool of_planes, PlaneReport* report);
+                                       const ViewMap& views, WhichPoints which, double sigma_px,
+                                       std::map<std::string, size_t>* dropped);
 
 class PlanePoints {
  public:

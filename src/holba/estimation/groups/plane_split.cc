@@ -9,6 +9,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "holba/estimation/groups/plane_points.h"
 #include "holba/geometry/manifold.h"
 #include "holba/group/known_types.h"
 
@@ -20,8 +21,8 @@ constexpr int kMaxPasses = 5;
 constexpr int kDirections = 6, kBorders = 12;
 // Standard deviations from which on a point is wrong, and says no more.
 constexpr double kMaxSigmas = 3.0;
-// Beside a plane's points along its normal, in standard deviations: nearer ones are one wall to all
-// that uses it.
+// How far apart two planes are at least, in standard deviations of their points: what is nearer is
+// one wall to all that uses it.
 constexpr double kMinApartSigmas = 1.0;
 
 double VarianceAlong(const PlanePoints& points, const PlaneParams& plane, uint32_t i) {
@@ -53,6 +54,10 @@ bool AreTwo(const PlaneOptions& options, const PlanePoints& points, const FoundP
   return gain > kMinApartSigmas * kMinApartSigmas * num_a * num_b / n && gain > 3.0 * std::log(n);
 }
 
+// The points of one plane as those of two, each a coherent part of it; empty: they are one. Two
+// planes are at least one standard deviation of their points apart, have the fewest points of a
+// plane each, and explain the points better than three more parameters cost (Bayesian information
+// criterion).
 class Splitter {
  public:
   Splitter(const PlaneOptions& options, const PlanePoints& points)
@@ -95,7 +100,6 @@ class Splitter {
   }
 
   // Means on the two sides of the plane, parted where both sides scatter least (Otsu 1979).
-  std::vector<double> means_;
   double Threshold(const PlaneParams& plane) {
     means_.resize(points_.size());
     for (uint32_t i = 0; i < points_.size(); ++i) means_[i] = MeanAround(plane, i);
@@ -167,6 +171,7 @@ class Splitter {
 
   const PlaneOptions& options_;
   const PlanePoints& points_;
+  std::vector<double> means_;  // MeanAround each point
 };
 
 // A point is on the plane that explains it and those beside it best, among the planes that they are
@@ -225,7 +230,8 @@ std::vector<FoundPlane> PartsOf(const PlaneOptions& options, const PlanePoints& 
     open.pop_back();
     std::vector<PlanePoint> of_part;
     for (const uint32_t i : members) of_part.push_back(points[i]);
-    const std::vector<FoundPlane> two = SplitInTwo(options, {options, std::move(of_part)});
+    const PlanePoints whole(options, std::move(of_part));
+    const std::vector<FoundPlane> two = Splitter(options, whole).Run();
     if (two.empty()) parts.push_back({points.Fit(members), members, 0.0});
     for (const FoundPlane& part : two) {
       std::vector<uint32_t>& next = open.emplace_back();
@@ -245,14 +251,10 @@ std::vector<FoundPlane> PartsOf(const PlaneOptions& options, const PlanePoints& 
 
 }  // namespace
 
-std::vector<FoundPlane> SplitInTwo(const PlaneOptions& options, const PlanePoints& points) {
-  return Splitter(options, points).Run();
-}
-
-size_t SplitPlanes(const PlaneOptions& options, Reconstruction* model) {
+size_t SplitPlanes(const PlaneOptions& options, double sigma_px, Reconstruction* model) {
   std::unordered_map<point3D_t, PlanePoint> eligible;
-  PlaneReport unused;
-  for (PlanePoint& point : EligiblePoints(options, *model, true, &unused)) {
+  for (PlanePoint& point : EligiblePoints(options, *model, ViewMap(*model), WhichPoints::kOnPlanes,
+                                          sigma_px, nullptr)) {
     const point3D_t id = point.id;
     eligible.emplace(id, std::move(point));
   }

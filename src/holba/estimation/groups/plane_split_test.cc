@@ -15,11 +15,13 @@ namespace {
 
 using testing::SizeIs;
 
+constexpr double kNoisePx = 0.3;
+
 std::vector<point3D_t> AddWall(double depth, double left, double right, int count, Random* random,
                                Reconstruction* model) {
   std::vector<point3D_t> ids;
   for (int i = 0; i < count; ++i) {
-    ids.push_back(AddPoint({random->Uniform(left, right), random->Uniform(-3, 3), depth}, 0.3,
+    ids.push_back(AddPoint({random->Uniform(left, right), random->Uniform(-3, 3), depth}, kNoisePx,
                            random, model));
   }
   return ids;
@@ -40,7 +42,7 @@ TEST(SplitPlanes, FrontsSideBySideThatAreALittleApartBecomeTwo) {
   const std::vector<point3D_t> right = AddWall(10.03, 0.0, 3.0, 120, &random, &model);
   members.insert(members.end(), right.begin(), right.end());
   const group3D_t id = model.AddGroup3D(PlaneType(), {0.0, 0.0, 1.0, -10.01}, members);
-  EXPECT_EQ(SplitPlanes({}, &model), 1u);
+  EXPECT_EQ(SplitPlanes({}, kNoisePx, &model), 1u);
   ASSERT_THAT(model.groups3D, SizeIs(2));
   EXPECT_TRUE(model.groups3D.contains(id)) << "the larger part keeps it";
   const std::vector<double> offsets = Offsets(model);
@@ -64,7 +66,7 @@ TEST(SplitPlanes, OneWallStaysOneWhateverItsNoise) {
     Reconstruction model = MakeCameraRow(6, 1.0);
     const std::vector<point3D_t> members = AddWall(10.0, -3.0, 3.0, 300, &random, &model);
     model.AddGroup3D(PlaneType(), {0.0, 0.0, 1.0, -10.0}, members);
-    EXPECT_EQ(SplitPlanes({}, &model), 0u);
+    EXPECT_EQ(SplitPlanes({}, kNoisePx, &model), 0u);
     EXPECT_THAT(model.groups3D.begin()->second.point3D_ids, testing::ElementsAreArray(members));
   }
 }
@@ -77,10 +79,10 @@ TEST(SplitPlanes, RecessedWindowsArePartedFromTheirWall) {
     const double x = random.Uniform(-3, 3), y = random.Uniform(-3, 3);
     // Two rows of two windows, 1.6 wide and high.
     const bool is_window = std::abs(std::abs(x) - 1.5) < 0.8 && std::abs(std::abs(y) - 1.5) < 0.8;
-    members.push_back(AddPoint({x, y, is_window ? 10.06 : 10.0}, 0.3, &random, &model));
+    members.push_back(AddPoint({x, y, is_window ? 10.06 : 10.0}, kNoisePx, &random, &model));
   }
   model.AddGroup3D(PlaneType(), {0.0, 0.0, 1.0, -10.02}, members);
-  EXPECT_EQ(SplitPlanes({}, &model), 1u);
+  EXPECT_EQ(SplitPlanes({}, kNoisePx, &model), 1u);
   const std::vector<double> offsets = Offsets(model);
   ASSERT_THAT(offsets, SizeIs(2));
   EXPECT_NEAR(offsets[0], 10.0, 0.01);
