@@ -74,9 +74,7 @@ class ViewJob : public Job {
     if (!compare_path_.empty())
       page.compare = MakeViewModel(ReadAligned(model), Options(compare_path_, ""), origin).bytes;
     AddPhotographs(model, &page);
-    const fs::path path =
-
-        output_path_.empty() ? TemporaryPage("model") : fs::path(output_path_);
+    const fs::path path = output_path_.empty() ? TemporaryPage() : fs::path(output_path_);
     WriteFileWhole(path, [&](std::ostream* stream) { FormatViewPage(page, stream); });
     LogInfo("Wrote {} to {} ({:.1f} MB)", ContentsText(model), path.string(),
             static_cast<double>(fs::file_size(path)) / 1e6);

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <string>
 
 #include "holba/base/file_faults.h"
 
@@ -13,10 +14,10 @@ extern char** environ;
 
 namespace holba {
 
-std::filesystem::path TemporaryPage(const std::string& name) {
+std::filesystem::path TemporaryPage() {
   std::string folder = (std::filesystem::temp_directory_path() / "holba-view-XXXXXX").string();
   if (!mkdtemp(folder.data())) throw FolderCannotBeMade(folder, SystemFault());
-  return std::filesystem::path(folder) / (name.empty() ? "model.html" : name + ".html");
+  return std::filesystem::path(folder) / "model.html";
 }
 
 bool OpenInBrowser(const std::filesystem::path& path) {

@@ -2,15 +2,15 @@
 #pragma once
 
 #include <filesystem>
-#include <string>
 
 namespace holba {
 
-// A file NAME.html in a new folder for temporary files, which only this user can write to. Throws
+// A file model.html in a new folder for temporary files, which only this user can write to. Throws
 // InputError.
-std::filesystem::path TemporaryPage(const std::string& name);
+std::filesystem::path TemporaryPage();
 
-// Asks the system to show a file and does not wait. False: there is no screen, or nothing to ask.
+// Asks the system to show a file (and waits for what asks, not for the browser). False: there is no
+// screen, or nothing to ask.
 bool OpenInBrowser(const std::filesystem::path& path);
 
 }  // namespace holba

@@ -49,7 +49,7 @@ TEST(Base64, IsThatOfRfc4648) {
   for (const auto& [bytes, text] : examples) EXPECT_EQ(Base64(bytes), text);
   std::string all;
   for (int i = 0; i < 256; ++i) all += static_cast<char>(i);
-  EXPECT_EQ(BytesOfBase64(Base64(all)), all);
+  EXPECT_EQ(FromBase64(Base64(all)), all);
 }
 
 TEST(Deflate, ZlibGivesItBack) {

@@ -128,7 +128,7 @@ TEST(ViewPage, GivesTheModelBackAndNoNameIsAPartOfIt) {
   const auto block = [&](const std::string& id) {
     const std::string begin = "<script type=\"application/octet-stream\" id=\"holba-" + id + "\">";
     const size_t at = page.find(begin) + begin.size();
-    return BytesOfBase64(page.substr(at, page.find("</script>", at) - at));
+    return FromBase64(page.substr(at, page.find("</script>", at) - at));
   };
   EXPECT_EQ(Inflated(block("model")), bytes);
   EXPECT_EQ(block("photograph-1"), "\xff\xd8 jpeg </script>");

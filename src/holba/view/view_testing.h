@@ -13,6 +13,8 @@
 #include <string_view>
 #include <vector>
 
+#include "holba/base/base64_testing.h"
+
 namespace holba {
 
 inline float FloatOfHalf(uint16_t half) {
@@ -20,23 +22,6 @@ inline float FloatOfHalf(uint16_t half) {
   const float magnitude = exponent == 0 ? std::ldexp(static_cast<float>(fraction), -24)
                                         : std::ldexp(1.0f + fraction / 1024.0f, exponent - 15);
   return half & 0x8000 ? -magnitude : magnitude;
-}
-
-inline std::string BytesOfBase64(std::string_view text) {
-  static const std::string letters =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string bytes;
-  uint32_t bits = 0;
-  int num_bits = 0;
-  for (const char c : text) {
-    if (c == '=') break;
-    bits = bits << 6 | static_cast<uint32_t>(letters.find(c));
-    num_bits += 6;
-    if (num_bits < 8) continue;
-    num_bits -= 8;
-    bytes += static_cast<char>(bits >> num_bits & 255);
-  }
-  return bytes;
 }
 
 inline std::string Inflated(const std::string& bytes) {

@@ -14,6 +14,7 @@
 #include <string_view>
 #include <vector>
 
+#include "holba/base/base64_testing.h"
 #include "holba/base/error.h"
 #include "holba/camera/camera_model.h"
 #include "holba/scene/reconstruction.h"
@@ -52,23 +53,6 @@ std::string MessageOf(F&& f) {
     return error.what();
   }
   return "";
-}
-
-inline std::string FromBase64(std::string_view text) {
-  constexpr std::string_view kDigits =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string bytes;
-  uint32_t bits = 0;
-  int num_bits = 0;
-  for (const char c : text) {
-    if (c == '=') break;
-    bits = bits << 6 | static_cast<uint32_t>(kDigits.find(c));
-    num_bits += 6;
-    if (num_bits < 8) continue;
-    num_bits -= 8;
-    bytes.push_back(static_cast<char>(bits >> num_bits & 0xffu));
-  }
-  return bytes;
 }
 
 // Version 1.0 of npy by hand, little endian; `descr` as '<f4'.
