@@ -7,6 +7,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "apps/camera_choices.h"
 #include "holba/base/error.h"
 #include "holba/base/log.h"
 #include "holba/base/memory.h"
@@ -122,6 +123,8 @@ json SummaryToJson(const BundleSummary& summary) {
           {"camera_weights", ChoiceToJson(summary.weight_choice)},
           {"points_seen_once", summary.points_seen_once},
           {"lines_seen_once", summary.lines_seen_once},
+          {"shared_cameras", SharedCamerasToJson(summary.shared_cameras)},
+          {"camera_models", CameraModelsToJson(summary.camera_models)},
           {"cameras_with_held_intrinsics", held_intrinsics},
           {"sensors", summary.num_sensors},
           {"held_sensors", held_sensors},
@@ -178,6 +181,7 @@ std::string SummaryToText(const BundleSummary& summary) {
   }
   if (summary.groups_dropped)
     text += fmt::format("left out {}\n", Counted(summary.groups_dropped, "group"));
+  text += CameraChoicesToText(summary.shared_cameras, summary.camera_models);
   text += ChoiceToText(summary.weight_choice);
   if (summary.num_sensors > 0) {
     text +=

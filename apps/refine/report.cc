@@ -7,6 +7,7 @@
 #include <set>
 #include <vector>
 
+#include "apps/camera_choices.h"
 #include "apps/report.h"
 #include "holba/base/memory.h"
 #include "holba/group/known_types.h"
@@ -149,6 +150,8 @@ json RefineToJson(const RefineOutput& output, const Reconstruction& model) {
           {"edges", model.wireframe.size()},
           {"relations", model.relations.size()},
           {"refused", Refusals(output)},
+          {"shared_cameras", SharedCamerasToJson(output.refine.shared_cameras)},
+          {"camera_models", CameraModelsToJson(output.refine.camera_models)},
           {"principal_point", PrincipalPointToJson(output.refine)},
           {"points_alone", SummaryToJson(output.refine.points_alone)},
           {"stage1", SummaryToJson(output.refine.stage1)},
@@ -201,6 +204,7 @@ std::string RefineToText(const RefineOutput& output, const Reconstruction& model
     for (const auto& [count, reason] : sorted) text += fmt::format("  {:>8}  {}\n", count, reason);
   }
   text += "\nLast adjustment of cameras, reliable features, groups and wireframe:\n" +
+          CameraChoicesToText(output.refine.shared_cameras, output.refine.camera_models) +
           PrincipalPointToText(output.refine) + SummaryToText(output.refine.stage1);
   text += fmt::format(
       "\n{:.1f} s: detect {:.1f}, match {:.1f}, structure {:.1f}, adjust {:.1f}, write {:.1f}\n",

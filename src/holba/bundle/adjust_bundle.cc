@@ -315,8 +315,16 @@ BundleSummary AdjustBundle(const BundleOptions& options, const SolverOptions& so
   BundleSummary summary;
   {
     const LocalFrame local(model, FrameUnit(options));
+    std::vector<CameraSharingTrial> shared_cameras;
+    if (options.share_cameras)
+      shared_cameras = ShareCameras(options, solver_options, known, log, model);
+    std::vector<CameraModelTrial> camera_models;
+    if (options.camera_model == CameraModelSource::kAuto)
+      camera_models = ChooseCameraModels(options, solver_options, known, log, model);
     const BundleSelection everything = BundleSelection::Everything(*model, options);
     summary = AdjustInPlace(options, solver_options, everything, model, measurements, log, known);
+    summary.shared_cameras = std::move(shared_cameras);
+    summary.camera_models = std::move(camera_models);
   }
   summary.solver.total_seconds = timer.Seconds();
   return summary;

@@ -12,6 +12,8 @@
 #include "holba/bundle/association_gate.h"
 #include "holba/bundle/bundle_options.h"
 #include "holba/bundle/bundle_selection.h"
+#include "holba/bundle/camera_model_choice.h"
+#include "holba/bundle/camera_sharing.h"
 #include "holba/bundle/losses.h"
 #include "holba/bundle/weight_choice.h"
 #include "holba/scene/local_frame.h"
@@ -38,7 +40,9 @@ struct BundleSummary {
   // Points and lines that fewer than two images see: they took no part and followed their images.
   size_t points_seen_once = 0, lines_seen_once = 0;
   std::vector<HeldIntrinsics> held_intrinsics;
-  size_t num_sensors = 0;  // whose poses in their rigs were adjusted
+  std::vector<CameraSharingTrial> shared_cameras;
+  std::vector<CameraModelTrial> camera_models;  // that were tried
+  size_t num_sensors = 0;                       // whose poses in their rigs were adjusted
   std::vector<HeldSensor> held_sensors;
   size_t num_parts = 1;  // that share no point, line or group
   // On the weights of terms in angles: the variance of the measured noise in pixels.

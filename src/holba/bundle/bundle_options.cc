@@ -119,6 +119,14 @@ void BundleOptions::Describe(OptionTable* table) const {
       ->Field("refine_extra_params", &refine_extra_params,
               "Whether distortion parameters are adjusted.")
       .Basic();
+  table->Field("share_cameras", &share_cameras,
+               "Whether cameras of one lens model and size become one, unless points that are left "
+               "out are predicted better with several.");
+  table->Choice(
+      "camera_model", &camera_model,
+      {{"given", CameraModelSource::kGiven}, {"auto", CameraModelSource::kAuto}},
+      "Lens model of cameras; auto: a richer one than given (OPENCV, RADIAL, FULL_OPENCV, "
+      "OPENCV_FISHEYE) where points that are left out are predicted better with it.");
   table
       ->Field("refine_sensor_from_rig", &refine_sensor_from_rig,
               "Whether poses of sensors in their rig are adjusted, the reference sensor's "

@@ -30,6 +30,8 @@ enum class StructureForm { k2d, k3d };
 // baseline of a rig fix a part of the gauge; then only the rest is held (gauge.h). kFree: nothing
 // is held.
 enum class Gauge { kTwoCams, kFree };
+// Whether richer lens models are tried (camera_model_choice.h).
+enum class CameraModelSource { kGiven, kAuto };
 enum class LossChoice { kTrivial, kHuber, kSoftL1, kCauchy, kAuto };
 
 // Terms that share a weight and a loss.
@@ -117,6 +119,12 @@ struct BundleOptions {
   double principal_point_sigma = 0.0;
   std::map<camera_t, Eigen::Vector2d> known_principal_points_px;
   bool refine_extra_params = true;
+  // Cameras of one model and size become one unless points that are left out are predicted better
+  // with several. Only where whole models are adjusted, as the next.
+  bool share_cameras = false;
+  // kAuto: cameras get a richer lens model where points that are left out are predicted better with
+  // it.
+  CameraModelSource camera_model = CameraModelSource::kGiven;
   // Poses of the sensors of a rig in it (but of the reference), where poses are not held.
   bool refine_sensor_from_rig = true;
   bool fix_poses = false;

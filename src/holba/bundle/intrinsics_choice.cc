@@ -29,6 +29,19 @@ std::vector<double> Costs(const AdjustedPoints& points, const HeldOutPoints& hel
 
 }  // namespace
 
+std::optional<BundleOptions> PointsAlone(const BundleOptions& given) {
+  BundleOptions options = given;
+  options.config = BundleConfig::kPoint;
+  options.camera_model = CameraModelSource::kGiven;
+  options.share_cameras = false;
+  options.refit_others = false;
+  options.SetDefaultLosses(false);
+  if (options[TermFamily::kPoint].loss != LossChoice::kAuto) return std::nullopt;
+  // What points were made with is not known: the annealing begins far out.
+  options.auto_start_multiple = BundleOptions().auto_start_multiple;
+  return options;
+}
+
 PairedMean ComparePredictions(const AdjustedPoints& free, const AdjustedPoints& held,
                               const NoiseSigmas& sigmas, const SolverOptions& solver_options) {
   const HeldOutPoints held_out(free.model, BundleSelection::Everything(free.model, free.options));

@@ -3,6 +3,8 @@
 // were freer.
 #pragma once
 
+#include <optional>
+
 #include "holba/bundle/bundle_options.h"
 #include "holba/bundle/held_out.h"
 #include "holba/bundle/losses.h"
@@ -11,11 +13,19 @@
 
 namespace holba {
 
+// By so many standard errors freer intrinsics have to predict better to be taken: several are tried,
+// and a lens that is simpler than it might be costs little where points say little of it.
+inline constexpr double kMinGainErrors = 3.0;
+
 // A model of points, adjusted with these options.
 struct AdjustedPoints {
   const BundleOptions& options;
   const Reconstruction& model;
 };
+
+// Options to adjust the points of a model alone, from near the optimum or far from it. Empty: their
+// noise is not measured, so that they cannot judge.
+std::optional<BundleOptions> PointsAlone(const BundleOptions& options);
 
 // Mean cost of the tracks left out with the cameras of `free`, less that with those of `held`, in
 // the same tracks (held_out.h); both adjusted on what stays in, each from where it is. Both models

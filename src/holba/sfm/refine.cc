@@ -87,12 +87,23 @@ class Refiner {
     options.refit_others = false;
     // The given points were not: COLMAP's own last adjustment follows what is wrong.
     options.auto_start_multiple = BundleOptions().auto_start_multiple;
+    if (!options_.fix_poses) ChooseCameras(options);
+    options.share_cameras = bundle_.share_cameras = false;
+    options.camera_model = bundle_.camera_model = CameraModelSource::kGiven;
     const Reconstruction given = model_;
     report_.points_alone = AdjustBundle(options, options_.solver, &model_);
     known_sigmas_ = report_.points_alone.auto_sigmas;
     if (bundle_.refine_principal_point && !bundle_.fix_poses) ChoosePrincipalPoints(options, given);
     Log(fmt::format("Points alone: standard deviation of a coordinate {:.3f} px",
                     SigmaPx(report_.points_alone, "point", 0.0)));
+  }
+
+  // Which cameras are one, and of which lens models they are.
+  void ChooseCameras(const BundleOptions& options) {
+    if (options.share_cameras)
+      report_.shared_cameras = ShareCameras(options, options_.solver, {}, log_, &model_);
+    if (options.camera_model == CameraModelSource::kAuto)
+      report_.camera_models = ChooseCameraModels(options, options_.solver, {}, log_, &model_);
   }
 
   // Principal points stay where they do harm: on a walk straight ahead they trade for the direction
@@ -261,6 +272,10 @@ RefineOptions::RefineOptions() {
   // Makers of lenses and sensors place it within 1 to 2 % of the width; what images say of it they
   // say more surely than that, or not at all (walks straight ahead).
   bundle.principal_point_sigma = 0.02;
+  // COLMAP's default, SIMPLE_RADIAL, is less than many lenses are.
+  bundle.camera_model = CameraModelSource::kAuto;
+  // COLMAP gives each photograph without EXIF a camera of its own.
+  bundle.share_cameras = true;
 }
 
 void RefineOptions::Describe(OptionTable* table) const {

@@ -35,6 +35,9 @@ struct RefineOptions {
 struct RefineReport {
   // Points alone, before structure is built.
   BundleSummary points_alone;
+  // Cameras that were tried as one, and lens models that were tried, where that is asked for.
+  std::vector<CameraSharingTrial> shared_cameras;
+  std::vector<CameraModelTrial> camera_models;
   // What adjusting principal points adds to the cost of points left out, where it was asked for;
   // they stay where that gains nothing.
   std::optional<PairedMean> principal_point;
