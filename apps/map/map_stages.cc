@@ -269,6 +269,7 @@ MapOutput MapStages::Run(const MapPaths& paths,
     const Timer map_timer;
     mapper_.structure_options = refine_.structure;
     mapper_.structure_options.SetNumThreads(num_threads());
+    mapper_.cameras = refine_.bundle;
     SnapshotFile snapshot(paths.output_path, OptionsText(),
                           FingerprintOf(data.input.graph, data.scene));
     const std::string start = Start(snapshot);

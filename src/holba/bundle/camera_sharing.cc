@@ -91,7 +91,8 @@ class Trial {
 
   CameraSharingTrial Compare(const Reconstruction& shared) const {
     const camera_t kept = *cameras_.begin();
-    CameraSharingTrial trial{std::string(adjusted_.cameras.at(kept).model->name),
+    CameraSharingTrial trial{kept,
+                             std::string(adjusted_.cameras.at(kept).model->name),
                              std::string(shared.cameras.at(kept).model->name),
                              cameras_.size(),
                              {},

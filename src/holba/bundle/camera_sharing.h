@@ -17,6 +17,7 @@ namespace holba {
 
 // Cameras of one lens model and size that were tried as one.
 struct CameraSharingTrial {
+  camera_t kept = kInvalidId32;  // the one of them that all are now, if they are
   std::string model, model_of_one;
   size_t num_cameras = 0;
   PairedMean difference;   // mean cost of the points left out, several cameras less one

@@ -14,6 +14,7 @@
 #include "holba/geometry/angle.h"
 #include "holba/robust/median.h"
 #include "holba/scene/views.h"
+#include "holba/sfm/choose_cameras.h"
 #include "holba/sfm/extend_structure.h"
 #include "holba/sfm/filter_model.h"
 #include "holba/sfm/selection_backup.h"
@@ -292,6 +293,14 @@ std::vector<image_t> MapAdjuster::AdjustAll(bool is_last) {
     report_.num_merged += changes.merged;
     return changes.Observations();
   };
+  const size_t num_frames = model.frames.size();
+  if (num_frames >= options_.global.min_images_for_cameras &&
+      static_cast<double>(num_frames) >= (is_last ? 1.0 : options_.global.cameras_ratio) *
+                                             static_cast<double>(frames_at_cameras_) &&
+      num_frames != frames_at_cameras_) {
+    frames_at_cameras_ = num_frames;
+    ChooseCameras(options_, global_solver_, &state_);
+  }
   complete_and_merge();
   report_.num_retriangulated += Retriangulate(options_.triangulation, &state_).Observations();
   const int max_refinements = is_last ? options_.global.max_refinements

@@ -58,7 +58,7 @@ class MapAdjuster {
   template <typename Archive>
   void Visit(Archive* archive) {
     (*archive)(report_, loss_scale_px_, line_loss_scale_px_, frames_at_global_, points_at_global_,
-               frames_at_groups_);
+               frames_at_groups_, frames_at_cameras_);
   }
 
  private:
@@ -83,6 +83,7 @@ class MapAdjuster {
   // Scale of the points' loss, px: two robust standard deviations of their residuals.
   double loss_scale_px_ = 1.0, line_loss_scale_px_ = 1.0;
   size_t frames_at_global_ = 0, points_at_global_ = 0, frames_at_groups_ = 0;
+  size_t frames_at_cameras_ = 0;
 };
 
 }  // namespace holba

@@ -89,11 +89,19 @@ struct GlobalAdjustmentOptions {
   bool refine_principal_point = false;
   bool refine_extra_params = true;
   bool refine_sensor_from_rig = true;
+  // Growth of the number of images since cameras were chosen that calls for choosing anew, and the
+  // fewest to choose on: with fewer, points are seen too seldom to be predicted.
+  double cameras_ratio = 1.5;
+  size_t min_images_for_cameras = 7;
   // Growth of the number of images since groups were formed that calls for forming them anew.
   double groups_ratio = 1.5;
 };
 
 struct MapperOptions {
+  // Of the choice of cameras (choose_cameras.h): those of the last adjustment, which chooses again.
+  // Principal points move in it where they will then, for else richer lens models stand in for
+  // that.
+  BundleOptions cameras;
   MapperStructure structure = MapperStructure::kHolistic;
   int min_num_matches = 15;  // of a pair that counts
   bool ignore_watermarks = false;

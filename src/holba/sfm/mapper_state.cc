@@ -56,6 +56,17 @@ void MapperState::ForgetCounts() {
   for (const auto& [id, image] : model_.images) ++num_registered_[image.camera_id];
 }
 
+void MapperState::TakeCameras(Reconstruction model) {
+  // An image that is registered again begins with the lens that is known.
+  for (const auto& [id, camera] : model.cameras) {
+    if (NumRegistered(id) > 0 || camera.model != model_.cameras.at(id).model)
+      given_params[id] = camera.params;
+  }
+  model_ = std::move(model);
+  num_registered_.clear();
+  for (const auto& [id, image] : model_.images) ++num_registered_[image.camera_id];
+}
+
 std::vector<image_t> MapperState::ImagesOfFrame(image_t image_id) const {
   const frame_t frame_id = model_.FindImage(image_id)->frame_id;
   const Frame* frame = model_.frames.Find(frame_id);

@@ -60,6 +60,9 @@ class MapperState {
   void DeleteLine(line3D_t line3D_id);
   void MergeLines(line3D_t id, line3D_t other);
 
+  // The same model with other cameras and values.
+  void TakeCameras(Reconstruction model);
+
   // --- Points whose tracks changed since they were last taken, ascending; some may be gone.
   std::vector<point3D_t> TakeModifiedPoints();
 

@@ -163,6 +163,30 @@ TEST(Mapper, AnUnknownFocalLengthIsFound) {
   EXPECT_NEAR(result.models[0].model.cameras.at(1).params[0], focal, 0.01 * focal);
 }
 
+TEST(Mapper, PhotographsOfOneCameraAreFoundToBe) {
+  const Reconstruction truth = Truth(0.1);
+  const double focal = truth.cameras.at(1).params[0];
+  const MappingProblem problem =
+      MakeMappingProblem(WithOwnCameras(truth), {.focal_length_is_known = false});
+  MapperOptions options;
+  options.structure = MapperStructure::kNone;
+  options.cameras.share_cameras = true;
+  const MapResult shared = MapImages(options, Threads(2), problem.input, problem.scene, nullptr);
+  ASSERT_THAT(shared.models, SizeIs(1));
+  const Reconstruction& model = shared.models[0].model;
+  EXPECT_EQ(model.FindInconsistency(), std::nullopt);
+  EXPECT_EQ(model.images.size(), truth.images.size());
+  std::set<camera_t> cameras;
+  for (const auto& [id, image] : model.images) cameras.insert(image.camera_id);
+  ASSERT_THAT(cameras, SizeIs(1));
+  EXPECT_NEAR(model.cameras.at(*cameras.begin()).params[0], focal, 0.01 * focal);
+
+  options.cameras.share_cameras = false;
+  const MapResult apart = MapImages(options, Threads(2), problem.input, problem.scene, nullptr);
+  ASSERT_THAT(apart.models, SizeIs(1));
+  EXPECT_EQ(apart.models[0].model.cameras.size(), truth.images.size());
+}
+
 TEST(Mapper, ImagesThatShareNothingAreTwoModels) {
   const Reconstruction truth = Truth(0.1);
   MappingProblemOptions options;

@@ -102,4 +102,20 @@ inline MappingProblem MakeMappingProblem(const Reconstruction& truth,
   return problem;
 }
 
+// Each image with a camera of its own, whose focal length is 1.2 times the width of the image, as
+// COLMAP has photographs without EXIF; the model's own rigs and frames no longer fit.
+inline Reconstruction WithOwnCameras(Reconstruction model) {
+  const Camera shared = model.cameras.begin()->second;
+  for (auto& [id, image] : model.images) {
+    Camera camera = shared;
+    for (const int idx : camera.model->focal_idxs)
+      camera.params[idx] = 1.2 * static_cast<double>(camera.width);
+    for (const int idx : camera.model->extra_idxs) camera.params[idx] = 0.0;
+    model.cameras.Remove(id);
+    model.cameras.Add(id, camera);
+    image.camera_id = id;
+  }
+  return model;
+}
+
 }  // namespace holba

@@ -94,6 +94,13 @@ void SnapshotWriter::Write(const Rig& rig) {
   for (const Rig::Sensor& sensor : rig.sensors) Write(sensor.sensor_from_rig);
 }
 
+void SnapshotWriter::Write(const Frame& frame) {
+  Write(frame.rig_from_world);
+  // Cameras that became one are in the rig of that.
+  Write(frame.rig_id);
+  for (const Frame::Data& data : frame.data) Write(data.sensor.id);
+}
+
 void SnapshotWriter::Write(const Group2D& group) {
   Write(group.type);
   Write(group.group3D_id);
@@ -102,6 +109,7 @@ void SnapshotWriter::Write(const Group2D& group) {
 }
 
 void SnapshotWriter::WriteImage(image_t id, const Image& image) {
+  Write(image.camera_id);
   Write(image.cam_from_world);
   Write(image.groups2D);
   const Image& of_scene = *scene_.FindImage(id);
@@ -175,6 +183,7 @@ void SnapshotReader::ReadImages(IdMap<image_t, Image>* images) {
   for (size_t i = 0; i < size; ++i) {
     const auto id = Get<image_t>();
     Image image = *scene_.FindImage(id);
+    Read(&image.camera_id);
     Read(&image.cam_from_world);
     Read(&image.groups2D);
     if (!Get<bool>()) {
@@ -225,6 +234,12 @@ void SnapshotReader::RestoreLinks(Reconstruction* model) const {
 
 void SnapshotReader::Read(Rig* rig) {
   for (Rig::Sensor& sensor : rig->sensors) Read(&sensor.sensor_from_rig);
+}
+
+void SnapshotReader::Read(Frame* frame) {
+  Read(&frame->rig_from_world);
+  Read(&frame->rig_id);
+  for (Frame::Data& data : frame->data) Read(&data.sensor.id);
 }
 
 void SnapshotReader::Read(Group2D* group) {

@@ -92,9 +92,12 @@ class SnapshotWriter {
   }
 
   void Write(const Reconstruction& model);
-  void Write(const Camera& camera) { Write(camera.params); }
+  void Write(const Camera& camera) {
+    Write(camera.model->id);
+    Write(camera.params);
+  }
   void Write(const Rig& rig);
-  void Write(const Frame& frame) { Write(frame.rig_from_world); }
+  void Write(const Frame& frame);
   // Field by field: bytes between fields are of chance.
   void Write(const Relation& relation) {
     Write(relation.group3D_id1);
@@ -200,9 +203,13 @@ class SnapshotReader {
   }
 
   void Read(Reconstruction* model);
-  void Read(Camera* camera) { Read(&camera->params); }
+  void Read(Camera* camera) {
+    camera->model = FindCameraModel(Get<int>());
+    HOLBA_CHECK(camera->model != nullptr);
+    Read(&camera->params);
+  }
   void Read(Rig* rig);
-  void Read(Frame* frame) { Read(&frame->rig_from_world); }
+  void Read(Frame* frame);
   void Read(Relation* relation) {
     Read(&relation->group3D_id1);
     Read(&relation->group3D_id2);

@@ -82,6 +82,31 @@ TEST(Snapshot, ARunThatGoesOnFromAnyEndsAtTheSameBits) {
   }
 }
 
+TEST(Snapshot, CamerasThatBecameOneAreReadBackAsOne) {
+  const RefineScene scene = MakeRefineScene({.noise_px = 0.3, .num_clutter = 5});
+  const MappingProblem problem =
+      MakeMappingProblem(WithOwnCameras(scene.house.model), {.focal_length_is_known = false},
+                         scene.house.features, scene.matches);
+  MapperOptions options = SmallModels();
+  options.cameras.share_cameras = true;
+  options.cameras.camera_model = CameraModelSource::kAuto;
+  options.global.min_images_for_cameras = 5;
+  SolverOptions solver;
+  solver.num_threads = 2;
+  KeepsSnapshots kept;
+  const MapResult whole = MapImages(options, solver, problem.input, problem.scene, &kept);
+  ASSERT_THAT(whole.models, SizeIs(1));
+  EXPECT_LT(whole.models[0].model.cameras.size(), problem.scene.cameras.size());
+  ASSERT_GE(kept.snapshots.size(), 2u);
+  const std::string expected = BytesOf(whole, problem.scene);
+  for (size_t i = 0; i < kept.snapshots.size(); ++i) {
+    const MapResult resumed =
+        MapImages(options, solver, problem.input, problem.scene, nullptr, kept.snapshots[i]);
+    EXPECT_EQ(BytesOf(resumed, problem.scene) == expected, true) << "snapshot " << i;
+    EXPECT_EQ(resumed.models[0].model.FindInconsistency(), std::nullopt);
+  }
+}
+
 TEST(Snapshot, AModelIsReadBackAsItWasWithItsOrderAndItsIds) {
   const RefineScene scene = MakeRefineScene({.noise_px = 0.3});
   Reconstruction model = scene.house.model;
