@@ -127,7 +127,10 @@ std::vector<CameraSharingTrial> ShareCameras(const BundleOptions& given,
                                              const std::function<void(const std::string&)>& log,
                                              Reconstruction* model) {
   std::vector<CameraSharingTrial> trials;
-  const std::optional<BundleOptions> options = PointsAlone(given);
+  std::optional<BundleOptions> options = PointsAlone(given);
+  // A single photograph says nothing of its principal point: that would only serve to fit what is
+  // wrong.
+  if (options) options->refine_principal_point = false;
   if (!options || !given.refine_focal_length || !given.refine_extra_params) return trials;
 
   std::optional<Reconstruction> adjusted;

@@ -27,7 +27,8 @@ struct CameraSharingTrial {
 // COLMAP gives each photograph without EXIF a camera of its own, which leaves most of them weakly
 // known. Adjusts the points of the model with all cameras of a lens model and a size (that are not
 // in a rig with others) as one, and keeps that, poses and points included, unless several predict
-// better by more than chance. Nothing where focal lengths or distortion are held. `sigmas`: the
+// better by more than chance; principal points stay. Nothing where focal lengths or distortion are
+// held. `sigmas`: the
 // noise of points, if it is known. `log`: a sentence for each trial.
 std::vector<CameraSharingTrial> ShareCameras(const BundleOptions& options,
                                              const SolverOptions& solver_options,
