@@ -186,6 +186,17 @@ class ViewMaker {
     }
     view.view_from_world.translation += shift;
     view.near = 0.02 * shift.z();
+    // Not higher than what it shows, which lies amid it.
+    double half = 0.0;
+    for (const auto* places : {&seen_, &centres_}) {
+      for (const Eigen::Vector3d& X : *places) {
+        const Eigen::Vector3d in_view = view.view_from_world * X;
+        half = std::max(half, std::abs(in_view.y()) / in_view.z());
+      }
+    }
+    const double height = 2.0 * (half * view.scale + kMarginShare * side_);
+    view.height = static_cast<int>(
+        std::lround(std::clamp<double>(height, side_ / kMaxAspect, side_ / kOverviewAspect)));
     return view;
   }
 
