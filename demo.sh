@@ -18,8 +18,6 @@ echo "Photographs in, a reconstruction out: holba reconstruct --image_path image
 "$holba" reconstruct --image_path "$work/room/images" --output_path "$work/model"
 echo "Against the true cameras, which the photographs do not tell:"
 "$holba" evaluate_poses --input_path "$work/model/0" --ground_truth_path "$work/room/truth"
-echo "The photographs are in ${work#"$PWD"/}/room/images, the model is in ${work#"$PWD"/}/model/0."
-echo "Open ${work#"$PWD"/}/model/0/view.html in a browser to look at it; pictures are in ${work#"$PWD"/}/model/0/pictures."
 echo
 
 "$holba" synthesize --output_path "$work/scene" --num_images 50 --seed 1 --quiet
@@ -34,4 +32,7 @@ for config in point point_line groups holistic; do
   evaluate "$work/$config" >"$work/$config.json"
 done
 python3 "$holba_root/cmake/demo_table.py" "$work"
-echo "The models are in ${work#"$PWD"/}."
+"$holba" view --input_path "$work/holistic" --compare_path "$work/scene/truth" --output_path "$work/scene.html" --quiet
+echo "The models are in ${work#"$PWD"/}, the photographs of the room in ${work#"$PWD"/}/room/images."
+echo "Open these in a browser: ${work#"$PWD"/}/scene.html, the adjusted scene over the truth, and"
+echo "${work#"$PWD"/}/model/0/view.html, the room; pictures of it are in ${work#"$PWD"/}/model/0/pictures."

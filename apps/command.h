@@ -19,8 +19,7 @@ namespace holba {
 
 // What every command is told besides its own options.
 struct Invocation {
-  bool json = false;   // print the result as one JSON object (only if Command::supports_json)
-  bool quiet = false;  // no progress, errors only
+  bool json = false;  // print the result as one JSON object (only if Command::supports_json)
 };
 
 // One run of a command: its options are members, set before Run.

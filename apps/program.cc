@@ -18,6 +18,7 @@
 #include "apps/command_line.h"
 #include "holba/base/error.h"
 #include "holba/base/printable.h"
+#include "holba/base/progress.h"
 #include "holba/base/temporary_paths.h"
 
 namespace holba {
@@ -70,7 +71,8 @@ void RunCommand(const Command& command, const std::vector<std::string>& argument
   if (common.help != HelpForm::kNone) return PrintResult(CommandHelp(command, common.help));
   SetLogLevel(common.quiet ? std::max(LogLevel::kError, common.log_level) : common.log_level);
   if (const char* core = std::getenv("OPENBLAS_CORETYPE")) LogDebug("OPENBLAS_CORETYPE={}", core);
-  const Invocation invocation{.json = common.json, .quiet = common.quiet};
+  ShowProgress(!common.quiet);
+  const Invocation invocation{.json = common.json};
   job->ProbeOutputs(invocation);
   job->Run(invocation);
 }
@@ -123,9 +125,8 @@ int RunProgram(const std::vector<std::string>& arguments) {
                            : UnknownCommand(first));
     });
   }
-  return Guarded("holba " + first, [&] {
-    RunCommand(GetCommand(first), {arguments.begin() + 1, arguments.end()});
-  });
+  return Guarded("holba " + first,
+                 [&] { RunCommand(GetCommand(first), {arguments.begin() + 1, arguments.end()}); });
 }
 
 }  // namespace holba

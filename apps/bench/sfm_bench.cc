@@ -11,6 +11,7 @@
 #include "apps/map/map_stages.h"
 #include "apps/map/report.h"
 #include "apps/synthesize/photo_database.h"
+#include "apps/view/page_beside_truth.h"
 #include "holba/base/check.h"
 #include "holba/base/temporary_paths.h"
 #include "holba/evaluation/pose_auc.h"
@@ -54,6 +55,7 @@ MapStages StagesOf(const SfmBenchOptions& options, const std::string& structure)
   OptionTable table;
   table.Bind(&stages);
   Set(table, "Mapper.structure", structure);
+  Set(table, "view", "0");
   Set(table, "Solver.num_threads", std::to_string(options.num_threads));
   if (options.photos.focal_length == FocalLengthPrior::kExact) {
     for (const char* name : {"Mapper.ba_refine_focal_length", "Mapper.ba_refine_extra_params",
@@ -67,7 +69,7 @@ MapStages StagesOf(const SfmBenchOptions& options, const std::string& structure)
 std::vector<SfmBenchResult> MapAll(const SfmBenchOptions& options) {
   const TemporaryPath folder(fs::temp_directory_path() / fmt::format("holba-sfm-{}", getpid()));
   std::vector<SfmBenchResult> results;
-  for (const int num_images : options.num_images) {
+  for (const int& num_images : options.num_images) {
     PhotoSetOptions photos = options.photos;
     photos.num_images = num_images;
     const PhotoSet set = MakePhotoSet(photos);
@@ -86,13 +88,16 @@ std::vector<SfmBenchResult> MapAll(const SfmBenchOptions& options) {
       result.map = stages.Run({.database_path = database_path.string(),
                                .image_path = "",
                                .input_path = "",
-                               .output_path = output.string(),
-                               .quiet = options.quiet});
+                               .output_path = output.string()});
       result.user_seconds = UserSeconds() - begin;
       // The first model is the one with the most images.
       const PoseErrors errors = ComparePoses(ReadPoses(output / "0"), set.truth, {});
       result.registered = errors.registered;
       result.pair_errors_deg = errors.pair_deg;
+      const bool is_last =
+          &structure == &options.structures.back() && &num_images == &options.num_images.back();
+      if (is_last && !options.page_path.empty())
+        WritePageBesideTruth(ReadModel(output / "0"), set.truth, options.page_path);
     }
   }
   return results;

@@ -19,7 +19,8 @@ struct SfmBenchOptions {
   // Names of --Mapper.structure.
   std::vector<std::string> structures = {"none", "lines", "groups", "holistic"};
   int num_threads = -1;
-  bool quiet = false;
+  // Of the page that shows the last model beside the truth; empty: none.
+  std::string page_path;
 };
 
 struct SfmBenchReport {

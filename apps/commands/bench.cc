@@ -16,7 +16,9 @@
 #include "apps/bench/two_view_bench.h"
 #include "apps/bench/vp_detection.h"
 #include "apps/command.h"
+#include "apps/view/open_in_browser.h"
 #include "holba/base/error.h"
+#include "holba/io/files.h"
 #include "holba/synthetic/photo_set.h"
 
 namespace holba {
@@ -90,63 +92,75 @@ class BenchJob : public Job {
                 "Structure of the mapper in the benchmark sfm, as a list of values of "
                 "--Mapper.structure.")
         .Advanced();
-    table->Field("seed", &scene_.seed, AnyValue(), "First seed of the scenes.");
-    table->Choice("visibility", &visibility_,
-                  {{"default", VisibilityChoice::kDefault},
-                   {"random", VisibilityChoice::kRandom},
-                   {"near", VisibilityChoice::kNear},
-                   {"cluster", VisibilityChoice::kCluster},
-                   {"both", VisibilityChoice::kBoth}},
-                  "Which cameras see a feature: any 4 to 8, ones next to each other in the "
-                  "sequence (near) or in space (cluster), or random and then near (both); default: "
-                  "random for times, both for accuracy.")
+    table
+        ->Field("page_path", &page_path_,
+                "HTML page of the last model of the benchmark sfm beside the truth; empty: one in "
+                "a temporary place.")
         .Advanced();
-    table->Choice("layout", &scene_.layout,
-                  {{"sphere", SceneLayout::kSphere}, {"corridor", SceneLayout::kCorridor}},
-                  "Where the cameras are (on a sphere around a cube, or in a row along a "
-                  "corridor).")
+    table->Field("seed", &scene_.seed, AnyValue(), "First seed of the scenes.");
+    table
+        ->Choice("visibility", &visibility_,
+                 {{"default", VisibilityChoice::kDefault},
+                  {"random", VisibilityChoice::kRandom},
+                  {"near", VisibilityChoice::kNear},
+                  {"cluster", VisibilityChoice::kCluster},
+                  {"both", VisibilityChoice::kBoth}},
+                 "Which cameras see a feature: any 4 to 8, ones next to each other in the "
+                 "sequence (near) or in space (cluster), or random and then near (both); default: "
+                 "random for times, both for accuracy.")
+        .Advanced();
+    table
+        ->Choice("layout", &scene_.layout,
+                 {{"sphere", SceneLayout::kSphere}, {"corridor", SceneLayout::kCorridor}},
+                 "Where the cameras are (on a sphere around a cube, or in a row along a "
+                 "corridor).")
         .Advanced();
     table->Field("vps", &scene_.vps, "Add vanishing points and relations to the scenes.")
         .Advanced();
-    table->Field("fraction_wrong_associations", &scene_.fraction_wrong_associations,
-                 Between(0, 0.9),
-                 "Share of wrong group members and wireframe edges.")
+    table
+        ->Field("fraction_wrong_associations", &scene_.fraction_wrong_associations, Between(0, 0.9),
+                "Share of wrong group members and wireframe edges.")
         .Advanced();
-    table->Choice(
-        "wrong_associations", &scene_.wrong_associations,
-        {{"random", WrongAssociations::kRandom}, {"nearest", WrongAssociations::kNearest}},
-        "Whether a wrong association is to any feature or to the nearest wrong one.")
+    table
+        ->Choice("wrong_associations", &scene_.wrong_associations,
+                 {{"random", WrongAssociations::kRandom}, {"nearest", WrongAssociations::kNearest}},
+                 "Whether a wrong association is to any feature or to the nearest wrong one.")
         .Advanced();
     table->Field("num_seeds", &num_seeds_, Between(1, 100000),
                  "Scenes of the benchmark accuracy; runs of the benchmark vp_detection; views of "
                  "each case of the benchmark registration.");
     table->Field("data", &data_path_,
                  "Folder of labelled photographs of the benchmark vp_detection (YUD+).");
-    table->Choice("alignment", &alignment_,
-                  {{"auto", AlignmentBasis::kAuto},
-                   {"centres", AlignmentBasis::kCentres},
-                   {"centres_and_points", AlignmentBasis::kCentresAndPoints}},
-                  "What aligns a result with the truth in the benchmark accuracy.")
+    table
+        ->Choice("alignment", &alignment_,
+                 {{"auto", AlignmentBasis::kAuto},
+                  {"centres", AlignmentBasis::kCentres},
+                  {"centres_and_points", AlignmentBasis::kCentresAndPoints}},
+                 "What aligns a result with the truth in the benchmark accuracy.")
         .Advanced();
-    table->Choice("statistic", &median_, {{"rms", false}, {"median", true}},
-                  "What sums up the errors of one scene in the benchmark accuracy.")
+    table
+        ->Choice("statistic", &median_, {{"rms", false}, {"median", true}},
+                 "What sums up the errors of one scene in the benchmark accuracy.")
         .Advanced();
     table->Field("iterations", &iterations_, AtLeast(2),
                  "Iterations timed in one run; the first one is left out.");
     table->Field("repetitions", &repetitions_, AtLeast(1),
                  "Runs of each case, of which the fastest median counts.");
-    table->Field("max_repeated_seconds", &max_repeated_seconds_, AtLeast(0),
-                 "Runs that take longer are not repeated.")
+    table
+        ->Field("max_repeated_seconds", &max_repeated_seconds_, AtLeast(0),
+                "Runs that take longer are not repeated.")
         .Advanced();
-    table->Choice("clock", &clock_, {{"wall", TimingClock::kWall}, {"cpu", TimingClock::kCpu}},
-                  "Wall time, or processor time of all threads: with one thread (also "
-                  "OPENBLAS_NUM_THREADS=1) it shows the same on a busy machine.")
+    table
+        ->Choice("clock", &clock_, {{"wall", TimingClock::kWall}, {"cpu", TimingClock::kCpu}},
+                 "Wall time, or processor time of all threads: with one thread (also "
+                 "OPENBLAS_NUM_THREADS=1) it shows the same on a busy machine.")
         .Advanced();
-    table->Choice("schur", &schur_,
-                  {{"dense", SchurChoice::kDense},
-                   {"sparse", SchurChoice::kSparse},
-                   {"both", SchurChoice::kBoth}},
-                  "How the reduced systems of the timed cases are solved.")
+    table
+        ->Choice("schur", &schur_,
+                 {{"dense", SchurChoice::kDense},
+                  {"sparse", SchurChoice::kSparse},
+                  {"both", SchurChoice::kBoth}},
+                 "How the reduced systems of the timed cases are solved.")
         .Advanced();
     table->Field("input_path", &input_path_,
                  "BAL problems of the benchmark solver, as a list a,b,c of files; pairs of the "
@@ -159,29 +173,36 @@ class BenchJob : public Job {
                  "Solvers of the benchmark solver, as a list of beginnings of their names (native, "
                  "ceres_dense, plain_ceres, ...); empty: all.");
     table->Field("threads", &threads_, AtLeast(1), "Numbers of threads in the benchmark solver.");
-    table->Field("camera_per_image", &camera_per_image_,
-                 "Each image of sequences and collections has a camera of its own, which is "
-                 "adjusted, instead of one for all.")
+    table
+        ->Field("camera_per_image", &camera_per_image_,
+                "Each image of sequences and collections has a camera of its own, which is "
+                "adjusted, instead of one for all.")
         .Advanced();
-    table->Field("calls", &calls_, AtLeast(0),
-                 "Adjustments in a row of the problems `local`; 0: none.")
+    table
+        ->Field("calls", &calls_, AtLeast(0),
+                "Adjustments in a row of the problems `local`; 0: none.")
         .Advanced();
-    table->Field("max_run_seconds", &max_run_seconds_, GreaterThan(0),
-                 "A run of the benchmark solver stops after the iteration that passes this.")
+    table
+        ->Field("max_run_seconds", &max_run_seconds_, GreaterThan(0),
+                "A run of the benchmark solver stops after the iteration that passes this.")
         .Advanced();
     bundle_.Describe(table);
     solver_.Describe(table);
     vanishing_points_.Describe(table);
     two_view_.Describe(table);
     table->Section("");
-    table->Field("focal_is_known", &focal_is_known_,
-                 "Whether the benchmark registration gives the images' focal length.")
+    table
+        ->Field("focal_is_known", &focal_is_known_,
+                "Whether the benchmark registration gives the images' focal length.")
         .Advanced();
     registration_.Describe(table);
     photos_.Describe(table);
   }
 
-  void ProbeOutputs(const Invocation&) const override { ProbeResult(); }
+  void ProbeOutputs(const Invocation&) const override {
+    if (!page_path_.empty()) ProbeFile(page_path_);
+    ProbeResult();
+  }
 
   void Run(const Invocation& invocation) override {
     if (benchmark_ == Benchmark::kAccuracy) {
@@ -311,7 +332,7 @@ class BenchJob : public Job {
     options.num_images = Sizes({100});
     options.structures = SplitAtCommas(structures_);
     options.num_threads = solver_.num_threads;
-    options.quiet = invocation.quiet;
+    options.page_path = page_path_.empty() ? TemporaryPage().string() : page_path_;
     const SfmBenchReport report = BenchSfm(options);
     Print(invocation, report.tables, report.results);
 #else
@@ -366,7 +387,7 @@ class BenchJob : public Job {
       "near_holistic_100";
   std::string solvers_;
   std::vector<double> threads_ = {1, 2};
-  std::string structures_ = "none,lines,groups,holistic";
+  std::string structures_ = "none,lines,groups,holistic", page_path_;
   bool camera_per_image_ = false;
   int calls_ = 200;
   double max_run_seconds_ = 120.0;
@@ -416,7 +437,8 @@ Command BenchCommand() {
           "their label's.\n\n"
           "two_view: the essential matrix of each pair of --input_path, with the options "
           "TwoViewGeometry, and the pose in it; processor time of one thread.\n\n"
-          "registration: images of a room of 5 units, 1 px of noise, from points of which fewer and "
+          "registration: images of a room of 5 units, 1 px of noise, from points of which fewer "
+          "and "
           "fewer are seen and more and more are wrong, alone, with 20 lines of which as many are "
           "wrong, and with 3 vanishing directions of which nobody knows which is which; "
           "--num_seeds images of each. Shown: images within 2 degrees and 0.1 units of the truth, "
@@ -424,7 +446,8 @@ Command BenchCommand() {
           "--input_path.\n\n"
           "sfm: `holba map` on databases of --num_images images as `holba synthesize "
           "--database_path` makes them (--scene, --seed, --Database.*), with each of --structures: "
-          "adjustments and their iterations, what was reconstructed, pose AUC against the truth.\n\n"
+          "adjustments and their iterations, what was reconstructed, pose AUC against the "
+          "truth.\n\n"
           "What a benchmark compares, it sets itself: Bundle.config, and for times "
           "Bundle.wireframe_form, Solver.linear_solver, the tolerances and "
           "Solver.max_num_iterations. A point or line loss auto counts as Cauchy at its scale in "

@@ -29,8 +29,7 @@ class ExtractJob : public Job {
   }
 
   void Run(const Invocation& invocation) override {
-    const ExtractReport report =
-        RunExtract(options_, image_path_, database_path_, invocation.quiet);
+    const ExtractReport report = RunExtract(options_, image_path_, database_path_);
     PrintResult(invocation.json ? JsonText(ExtractToJson(report)) : ExtractToText(report));
   }
 

@@ -115,7 +115,7 @@ class ImportJob : public Job {
     const Dataset dataset = format->read(input_path_, options_);
     CheckNames(dataset);
     StagedFolder stage(output_path_);
-    Progress progress("Photographs", "images", dataset.images.size(), !invocation.quiet);
+    Progress progress("Photographs", "images", dataset.images.size());
     for (size_t i = 0; i < dataset.images.size(); ++i) {
       PutFile(dataset.images[i], stage.path() / kImages, mode_);
       progress.Update(i + 1);
@@ -131,7 +131,6 @@ class ImportJob : public Job {
     stage.Write(std::string(kDescription),
                 [&](std::ostream* out) { *out << description.dump(2) << '\n'; });
     stage.Commit(IsOfImport);
-    progress.Clear();
     for (const std::string& note : dataset.notes) LogInfo("{}", note);
     LogInfo("Wrote {} of {}, {} of them with true poses, to {}",
             Counted(dataset.images.size(), "photograph"), dataset.scene,

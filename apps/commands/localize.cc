@@ -79,16 +79,16 @@ class LocalizeJob : public Job {
       Database database(copy);
       std::optional<Progress> progress;
       std::string current;
-      report = Localize(options_, image_path_, stage.path(), &database, &model,
-                        [&](const std::string& step, size_t num_done, size_t num_all) {
-                          if (step != current) {
-                            progress.emplace(step, step == "Matching" ? "pairs" : "images", num_all,
-                                             !invocation.quiet);
-                            current = step;
-                          }
-                          progress->Update(num_done);
-                          if (num_done == num_all) progress->Clear();
-                        });
+      report =
+          Localize(options_, image_path_, stage.path(), &database, &model,
+                   [&](const std::string& step, size_t num_done, size_t num_all) {
+                     if (step != current || !progress) {
+                       progress.emplace(step, step == "Matching" ? "pairs" : "images", num_all);
+                       current = step;
+                     }
+                     progress->Update(num_done);
+                     if (num_done == num_all) progress.reset();
+                   });
     }
     for (const char* ending : {"", "-wal", "-shm", "-journal"}) fs::remove(copy.string() + ending);
     const nlohmann::json json = LocalizeToJson(report);

@@ -45,8 +45,7 @@ class MapJob : public Job {
     const MapOutput output = stages_.Run({.database_path = database_path_,
                                           .image_path = image_path_,
                                           .input_path = input_path_,
-                                          .output_path = output_path_,
-                                          .quiet = invocation.quiet});
+                                          .output_path = output_path_});
     PrintResult(invocation.json ? JsonText(MapToJson(output)) : MapToText(output));
   }
 

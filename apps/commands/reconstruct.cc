@@ -48,8 +48,7 @@ class ReconstructJob : public Job {
       throw NoSuchFolder(image_path_, "--image_path");
     ShareOptions();
     const std::string database_path = DatabasePath().string();
-    const ExtractReport extracted =
-        RunExtract(extract_, image_path_, database_path, invocation.quiet);
+    const ExtractReport extracted = RunExtract(extract_, image_path_, database_path);
     const MatchOutput matched = RunMatch(match_, database_path);
     const auto reports = [&](const MapOutput& mapped) {
       MapReports all = ReportsOf(mapped);
@@ -60,11 +59,9 @@ class ReconstructJob : public Job {
                              ExtractToText(extracted), MatchToText(matched), all.text);
       return all;
     };
-    const MapOutput mapped = stages_.Run({.database_path = database_path,
-                                          .image_path = image_path_,
-                                          .output_path = output_path_,
-                                          .quiet = invocation.quiet},
-                                         reports);
+    const MapOutput mapped = stages_.Run(
+        {.database_path = database_path, .image_path = image_path_, .output_path = output_path_},
+        reports);
     PrintResult(invocation.json ? JsonText(reports(mapped).json) : MapToText(mapped));
   }
 

@@ -38,12 +38,12 @@ class RenderJob : public Job {
     ProbeModelFolder(std::filesystem::path(output_path_) / kTruth);
   }
 
-  void Run(const Invocation& invocation) override {
+  void Run(const Invocation&) override {
     StagedFolder stage(output_path_);
     if (preset_ == kSmallRoom) {
       RenderSmallRoom(&stage);
     } else {
-      RenderPlaceSet(preset_, room_.seed, place_, num_threads_, invocation.quiet, &stage);
+      RenderPlaceSet(preset_, room_.seed, place_, num_threads_, &stage);
     }
     stage.Commit(IsPlaceSetFile);
     LogInfo("Wrote images and truth to {}", output_path_);

@@ -43,7 +43,7 @@ std::string RunCommand(const std::string& name, const std::map<std::string, std:
   EXPECT_EQ(num_set, values.size());
   ::testing::internal::CaptureStdout();
   try {
-    job->Run({.json = json, .quiet = true});
+    job->Run({.json = json});
   } catch (...) {
     ::testing::internal::GetCapturedStdout();
     throw;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // holba view: a model as one page for a browser.
 #include <filesystem>
+#include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "apps/command.h"
@@ -20,6 +22,8 @@
 #include "holba/view/view_page.h"
 #include "holba/view/view_title.h"
 #if defined(HOLBA_WITH_FRONTEND)
+#include "holba/pipeline/output.h"
+#include "holba/pipeline/photograph_folder.h"
 #include "holba/pipeline/view_output.h"
 #endif
 
@@ -37,6 +41,16 @@ class ViewJob : public Job {
                  "HTML file; empty: one in a temporary place, which a browser is told to open.");
 #if defined(HOLBA_WITH_FRONTEND)
     table->Field("image_path", &image_path_, "Folder of the photographs; empty: without them.");
+    table->Field("picture_path", &picture_path_,
+                 "Folder for pictures (PNG): overview, plan, along the directions, photographs "
+                 "drawn upon; with it and without --output_path there is no page.");
+    table->Field("num_pictures", &num_pictures_, AtLeast(-1),
+                 "Photographs that are drawn upon for --picture_path, evenly spread over the "
+                 "model; -1: all.");
+    table
+        ->Field("unit_name", &unit_name_,
+                "What a length of 1 of the model is, for the bars of pictures (m); empty: units.")
+        .Advanced();
 #endif
     table->Field("compare_path", &compare_path_,
                  "Second model, shown with the first after alignment: before, after, truth.");
@@ -58,10 +72,19 @@ class ViewJob : public Job {
 
   void ProbeOutputs(const Invocation&) const override {
     if (!output_path_.empty()) ProbeFile(output_path_);
+#if defined(HOLBA_WITH_FRONTEND)
+    if (!picture_path_.empty()) ProbeFolder(picture_path_, IsScenePicture);
+#endif
   }
 
   void Run(const Invocation&) override {
     const Reconstruction model = Read(input_path_);
+#if defined(HOLBA_WITH_FRONTEND)
+    if (!picture_path_.empty()) {
+      WritePictures(model);
+      if (output_path_.empty()) return;
+    }
+#endif
     const Eigen::Vector3d origin = OriginOfView(model);
     ViewPage page;
     const ViewModel shown = MakeViewModel(model, Options(input_path_, Report()), origin);
@@ -124,15 +147,40 @@ class ViewJob : public Job {
   void AddPhotographs(const Reconstruction& model, ViewPage* page) const {
 #if defined(HOLBA_WITH_FRONTEND)
     if (image_path_.empty()) return;
-    if (!fs::is_directory(image_path_)) throw NoSuchFolder(image_path_, "--image_path");
-    page->photographs = MakeViewPhotographs(model, PhotographFolder(image_path_, model), {},
-                                            photographs_, num_threads_);
+    page->photographs =
+        MakeViewPhotographs(model, Photographs(model), {}, photographs_, num_threads_);
 #endif
   }
+
+#if defined(HOLBA_WITH_FRONTEND)
+  PhotographFolder Photographs(const Reconstruction& model) const {
+    if (!fs::is_directory(image_path_)) throw NoSuchFolder(image_path_, "--image_path");
+    return PhotographFolder(image_path_, model);
+  }
+
+  void WritePictures(const Reconstruction& model) const {
+    StagedFolder stage(picture_path_);
+    StageScenePictures(model, unit_name_, num_threads_, "", &stage);
+    if (!image_path_.empty()) {
+      const PhotographFolder photographs = Photographs(model);
+      std::set<image_t> missing;
+      for (const auto& [id, image] : model.images) {
+        if (!fs::is_regular_file(photographs / image.name)) missing.insert(id);
+      }
+      StageImagePictures(model, photographs, missing, num_pictures_, PictureFormat::kPng,
+                         num_threads_, std::string(kImagePictures) + "/", &stage);
+    }
+    stage.Commit(
+        [](std::string_view name) { return IsScenePicture(name) || name == kImagePictures; });
+    LogInfo("Wrote pictures to {}", picture_path_);
+  }
+#endif
 
   std::string input_path_, output_path_, image_path_, compare_path_, report_path_;
 #if defined(HOLBA_WITH_FRONTEND)
   ViewPhotographOptions photographs_;
+  std::string picture_path_, unit_name_;
+  int num_pictures_ = 4;
 #endif
   double max_model_mb_ = 45.0;
   int num_threads_ = -1;

@@ -12,7 +12,7 @@
 namespace holba {
 
 ExtractReport RunExtract(const ExtractOptions& options, const std::filesystem::path& image_path,
-                         const std::filesystem::path& database_path, bool quiet) {
+                         const std::filesystem::path& database_path) {
   if (!std::filesystem::is_directory(image_path)) throw NoSuchFolder(image_path, "--image_path");
   options.Check();
   HoldOpenCvThreads();
@@ -21,9 +21,9 @@ ExtractReport RunExtract(const ExtractOptions& options, const std::filesystem::p
     Database database(database_path);
     std::optional<Progress> progress;
     return ExtractFeaturesOf(options, image_path, &database, [&](size_t num_done, size_t num_all) {
-      if (!progress) progress.emplace("Extracting", "images", num_all, !quiet);
+      if (!progress) progress.emplace("Extracting", "images", num_all);
       progress->Update(num_done);
-      if (num_done == num_all) progress->Clear();
+      if (num_done == num_all) progress.reset();
     });
   } catch (const InputError&) {
     // Options and files that are refused leave no database behind.

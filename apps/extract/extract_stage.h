@@ -11,6 +11,6 @@ namespace holba {
 
 // Throws InputError.
 ExtractReport RunExtract(const ExtractOptions& options, const std::filesystem::path& image_path,
-                         const std::filesystem::path& database_path, bool quiet);
+                         const std::filesystem::path& database_path);
 
 }  // namespace holba

@@ -36,24 +36,20 @@ namespace {
 constexpr const char* kReportText = "report.txt";
 constexpr const char* kReportJson = "report.json";
 
-// Progress on a terminal, a sentence on the log else; snapshots now and then.
+// Progress on a terminal, now and then a sentence on the log and a snapshot.
 class MapProgress : public MapObserver {
  public:
   // `snapshot_seconds`: least time between two.
-  MapProgress(size_t num_images, double snapshot_seconds, bool quiet, SnapshotFile* file)
-      : num_images_(num_images),
-        snapshot_seconds_(snapshot_seconds),
+  MapProgress(size_t num_images, double snapshot_seconds, SnapshotFile* file)
+      : snapshot_seconds_(snapshot_seconds),
         file_(*file),
-        progress_("Mapping", "images", num_images, !quiet) {}
+        progress_("Mapping", "images", num_images) {}
 
   void OnImage(const MapperState& state, image_t, const std::string& sentence) override {
-    const size_t num_done = state.model().images.size();
-    if (!first_) first_ = {num_done, timer_.Seconds()};
-    progress_.Update(num_done);
+    progress_.Update(state.model().images.size());
     if (timer_.Seconds() < next_message_seconds_) return;
     next_message_seconds_ = timer_.Seconds() + kSecondsBetweenMessages;
-    progress_.Clear();
-    LogInfo("{}{}", sentence, TimeLeft(num_done));
+    LogInfo("{}", sentence);
   }
 
   bool WantsSnapshot() override { return timer_.Seconds() >= next_snapshot_seconds_; }
@@ -68,26 +64,14 @@ class MapProgress : public MapObserver {
   }
 
  private:
-  // By the images since the first one that this run registered.
-  std::string TimeLeft(size_t num_done) const {
-    if (num_done <= first_->first || num_done >= num_images_) return "";
-    const double rate = static_cast<double>(num_done - first_->first) /
-                        std::max(timer_.Seconds() - first_->second, 1e-3);
-    return fmt::format("; {} of {} left, about {:.0f} s", num_images_ - num_done,
-                       Counted(num_images_, "image"),
-                       static_cast<double>(num_images_ - num_done) / rate);
-  }
-
   static constexpr double kSecondsBetweenMessages = 5.0;
   static constexpr double kMaxShareOfSnapshots = 0.01;  // of the time
-  size_t num_images_;
   double snapshot_seconds_;
   SnapshotFile& file_;
   Progress progress_;
   Timer timer_;
   double next_message_seconds_ = kSecondsBetweenMessages;
   double next_snapshot_seconds_ = 0.0;
-  std::optional<std::pair<size_t, double>> first_;  // images, time
 };
 
 // What has no pose is the database's, not the model's.
@@ -273,7 +257,7 @@ MapOutput MapStages::Run(const MapPaths& paths,
     SnapshotFile snapshot(paths.output_path, OptionsText(),
                           FingerprintOf(data.input.graph, data.scene));
     const std::string start = Start(snapshot);
-    MapProgress progress(output.num_images, snapshot_seconds_, paths.quiet, &snapshot);
+    MapProgress progress(output.num_images, snapshot_seconds_, &snapshot);
     MapResult result = MapImages(mapper_, refine_.solver, data.input, data.scene, &progress, start);
     output.map_seconds = map_timer.Seconds();
     output.initial_pairs = std::move(result.initial_pairs);

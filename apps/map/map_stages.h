@@ -25,7 +25,6 @@ namespace holba {
 
 struct MapPaths {
   std::string database_path, image_path, input_path, output_path;  // images and input: may be empty
-  bool quiet = false;
 };
 
 // Whether the models could be written below a folder. Throws InputError.

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "holba/base/log.h"
-#include "holba/base/timer.h"
+#include "holba/base/progress.h"
 #include "holba/base/words.h"
 #include "holba/io/database.h"
 
@@ -65,7 +65,6 @@ nlohmann::json MatchToJson(const MatchOutput& output) {
 }
 
 MatchOutput RunMatch(const MatchStageOptions& options, const std::filesystem::path& database_path) {
-  constexpr double kSecondsBetweenMessages = 5.0;
   options.pairs.Check();
   MatchPointsOptions matching = options.matching;
   matching.max_images_in_memory = 2 * options.pairs.block_size;
@@ -73,17 +72,12 @@ MatchOutput RunMatch(const MatchStageOptions& options, const std::filesystem::pa
   const std::vector<ImagePair> pairs = ListPairs(options.pairs, database, matching.num_threads);
   LogInfo("{} of {}", Counted(pairs.size(), "pair"),
           Counted(database.ReadImages().size(), "image"));
-  const Timer timer;
-  double next_message = kSecondsBetweenMessages;
   MatchOutput output;
-  output.points = MatchPoints(matching, pairs, &database, [&](size_t num_done) {
-    const double seconds = timer.Seconds();
-    if (seconds < next_message || num_done == pairs.size()) return;
-    next_message = seconds + kSecondsBetweenMessages;
-    const double rate = static_cast<double>(num_done) / seconds;
-    LogInfo("{} of {}, {:.1f} a second, {:.0f} s left", num_done, Counted(pairs.size(), "pair"),
-            rate, static_cast<double>(pairs.size() - num_done) / rate);
-  });
+  {
+    Progress progress("Matching", "pairs", pairs.size());
+    output.points = MatchPoints(matching, pairs, &database,
+                                [&](size_t num_done) { progress.Update(num_done); });
+  }
   // By the points that were verified.
   if (!matching.skip_geometric_verification) {
     output.segments =

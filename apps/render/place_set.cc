@@ -60,21 +60,20 @@ void WriteMaps(const TruthMaps& maps, const std::string& stem, StagedFolder* sta
 }  // namespace
 
 void RenderPlaceSet(const std::string& preset, uint64_t seed, const PlaceSetOptions& options,
-                    int num_threads, bool quiet, StagedFolder* stage) {
+                    int num_threads, StagedFolder* stage) {
   RenderOptions render = options.render;
   render.seed = seed;
   std::optional<Progress> progress;
-  progress.emplace("Computing the light", "steps", 1, !quiet);
+  progress.emplace("Computing the light", "steps", 1);
   Rendering rendering(BuildPreset(preset, seed), preset, options.is_jpeg ? "jpg" : "png", render,
                       num_threads, [&, is_first = true](size_t num_done, size_t total) mutable {
-                        if (is_first)
-                          progress.emplace("Computing the light", "steps", total, !quiet);
+                        if (is_first) progress.emplace("Computing the light", "steps", total);
                         is_first = false;
                         progress->Update(num_done);
                       });
   rendering.AddTruthToModel();
   const Reconstruction& model = rendering.model();
-  progress.emplace("Taking photographs", "photographs", model.images.size(), !quiet);
+  progress.emplace("Taking photographs", "photographs", model.images.size());
   size_t num_done = 0;
   for (const auto& [image_id, image] : model.images) {
     Photo photo = rendering.TakePhoto(image_id);

@@ -26,7 +26,7 @@ struct PlaceSetOptions {
 // Writes images, truth (a model), mesh.ply and, if wanted, depth, normals and labels into the
 // stage. Throws InputError for a preset that is unknown.
 void RenderPlaceSet(const std::string& preset, uint64_t seed, const PlaceSetOptions& options,
-                    int num_threads, bool quiet, StagedFolder* stage);
+                    int num_threads, StagedFolder* stage);
 // Whether an entry of the folder is of such a set.
 bool IsPlaceSetFile(std::string_view name);
 

@@ -25,7 +25,7 @@ struct CommandRun : OptionSet {
   std::string Run() {
     return Interruptible([&] {
       ResultCapture capture;
-      const Invocation invocation{.json = command->supports_json, .quiet = true};
+      const Invocation invocation{.json = command->supports_json};
       job->ProbeOutputs(invocation);
       job->Run(invocation);
       return capture.text();

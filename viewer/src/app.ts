@@ -11,6 +11,7 @@ import type { Rgb } from "./palette";
 import { buildPanel, helpDialog } from "./panel";
 import { fillReport } from "./report";
 import { PointCloud, Segments, shared } from "./shaders";
+import { ScaleBar } from "./scalebar";
 import { type Pick, type Split, Stage } from "./stage";
 
 const themes = {
@@ -40,6 +41,7 @@ export class App {
   private tip = el("div", { class: "badge", id: "tip", hidden: true });
   private sideNames = el("div", { id: "side-names", hidden: true });
   private report = el("div", { id: "report", hidden: true });
+  private scaleBar = new ScaleBar();
   private stageElement: HTMLElement;
   private canvas = el("canvas", { tabindex: "0", "aria-label": "The model in three dimensions" });
   private help = helpDialog();
@@ -54,14 +56,14 @@ export class App {
     const many = model.points.count;
     this.photographCount = model.meta.images.filter((_, i) => document.getElementById(`holba-photograph-${i}`)).length;
     this.settings = {
-      layers: Object.fromEntries(layers.map((l) => [l, l !== "relations" && l !== "photographs" && l !== "wireframe" && l !== "directions"])) as Record<Layer, boolean>,
+      layers: Object.fromEntries(layers.map((l) => [l, l !== "relations" && l !== "textures" && l !== "photographs" && l !== "wireframe" && l !== "directions"])) as Record<Layer, boolean>,
       pointColour: "colour", lineColour: model.meta.groups.some((g) => g.parallelism) ? "direction" : "plain",
       pointSize: many > 300000 ? 1.5 : many > 20000 ? 2 : 3, lineWidth: 2,
       cameraSize: model.meta.images.length > 300 ? 0.03 : 0.07, opacity: 0.2, minTrack: 0, maxError: Infinity,
     };
     this.stageElement = el("div", { class: "stage" }, this.canvas, this.sideNames, this.status, this.strip, this.imageBar, this.tip);
     const measurePanel = el("div", { class: "badge", id: "measure" });
-    this.stageElement.append(measurePanel, this.report);
+    this.stageElement.append(measurePanel, this.scaleBar.element, this.report);
     root.replaceChildren(this.header(), this.left, this.stageElement, this.right, this.help);
     if (window.innerWidth < 760) this.left.hidden = true;
     this.stage = new Stage(this.canvas, this.views);
@@ -144,6 +146,7 @@ export class App {
   setLayer(layer: Layer, on: boolean): void {
     this.settings.layers[layer] = on;
     if (layer === "photographs" && on) this.view.loadPhotographs(this.settings.cameraSize, () => this.stage.draw());
+    if (layer === "textures" && on) this.view.loadTextures(() => this.stage.draw());
     this.refresh();
   }
   setCameraSize(size: number, draw = true): void {
@@ -502,7 +505,7 @@ export class App {
     const actions: Record<string, () => void> = {
       f: () => { this.leave(); this.stage.fit(); }, z: () => this.selection && this.focus(this.selection), o: () => this.toggleOrthographic(),
       "1": () => this.along("front"), "3": () => this.along("side"), "4": () => this.along("left"), "6": () => this.along("back"), "7": () => this.along("plan"),
-      p: flip("points"), l: flip("lines"), s: flip("surfaces"), c: flip("cameras"), w: flip("wireframe"), d: flip("directions"), t: flip("photographs"),
+      p: flip("points"), l: flip("lines"), s: flip("surfaces"), c: flip("cameras"), w: flip("wireframe"), d: flip("directions"), t: flip("photographs"), e: flip("textures"),
       m: () => this.measure.toggle(), b: () => this.setClip(!this.clip.on), r: () => this.toggleReport(), g: () => this.savePicture(), h: () => this.togglePanels(),
       "+": size(0.5), "=": size(0.5), "-": size(-0.5), "?": () => this.help.showModal(), "/": () => this.search.focus(),
       x: () => this.views.length > 1 && this.setSplit(({ both: "first", first: "second", second: "both", side: "both" } as const)[this.stage.split]),
@@ -527,6 +530,7 @@ export class App {
     link.click();
   }
   private showStatus(): void {
+    this.scaleBar.update(this.stage);
     const { model } = this.view;
     this.status.textContent = this.stage.imageMode ? "" :
       `${model.points.count.toLocaleString("en")} points, ${model.lines.count.toLocaleString("en")} lines, ${model.meta.images.length.toLocaleString("en")} images`;

@@ -285,6 +285,34 @@ export class Model {
     }
     return sum;
   }
+  // Where a place is in a photograph, 0 to 1 from its top left; null: nowhere. Newton's steps from
+  // the middle, on the rays of the grid.
+  project(image: number, p: Vec): [number, number] | null {
+    const camera = this.camera(image);
+    const X = this.toCamera(image, p);
+    const size = Math.hypot(...X);
+    if (!(size > 0) || (camera.planar && X[2] <= 1e-6 * size)) return null;
+    const want: Vec = camera.planar ? [X[0] / X[2], X[1] / X[2], 1] : [X[0] / size, X[1] / size, X[2] / size];
+    const { width, height } = camera;
+    const step = 1e-3;
+    let u = 0.5, v = 0.5;
+    for (let round = 0; round < 12; ++round) {
+      const at = this.ray(camera, u * width, v * height);
+      const right = this.ray(camera, (u + step) * width, v * height), below = this.ray(camera, u * width, (v + step) * height);
+      if (!at || !right || !below) return null;
+      const a = [0, 1, 2].map((k) => (right[k] - at[k]) / step), b = [0, 1, 2].map((k) => (below[k] - at[k]) / step);
+      const r = [0, 1, 2].map((k) => want[k] - at[k]);
+      const dot = (x: number[], y: number[]) => x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+      const aa = dot(a, a), ab = dot(a, b), bb = dot(b, b), ar = dot(a, r), br = dot(b, r);
+      const det = aa * bb - ab * ab;
+      if (!(det > 0)) return null;
+      const du = (bb * ar - ab * br) / det, dv = (aa * br - ab * ar) / det;
+      u = Math.min(Math.max(u + du, -0.3), 1.3);
+      v = Math.min(Math.max(v + dv, -0.3), 1.3);
+      if (Math.abs(du) + Math.abs(dv) < 1e-6) return [u, v];
+    }
+    return null;
+  }
   // A direction or offset of a camera in the world.
   toWorld(image: number, [x, y, z]: Vec): Vec {
     const [w, a, b, c] = this.meta.images[image].q; // world to camera; its inverse is applied

@@ -4,6 +4,7 @@ import * as THREE from "three";
 import { Model, photographUrl } from "./model";
 import { category, css, type Rgb, scale } from "./palette";
 import { PointCloud, Segments, Surfaces } from "./shaders";
+import { addTextures } from "./textures";
 
 // What pictures for picking hold in alpha; those of a second model are greater by `secondModel`.
 export const Kind = { point: 1, line: 2, surface: 3, camera: 4 } as const;
@@ -29,7 +30,7 @@ export interface Settings {
   maxError: number; // pixels; Infinity: all
 }
 export const layers = [
-  "points", "lines", "surfaces", "directions", "wireframe", "relations", "cameras", "photographs",
+  "points", "lines", "surfaces", "textures", "directions", "wireframe", "relations", "cameras", "photographs",
 ] as const;
 export type Layer = (typeof layers)[number];
 
@@ -51,6 +52,7 @@ export class ModelView {
   readonly directions: Segments;
   cameras: Segments;
   readonly photographs = new THREE.Group();
+  readonly textures = new THREE.Group();
   readonly radius: number;
   readonly middle: THREE.Vector3;
   pointLegend: Legend | null = null;
@@ -59,6 +61,7 @@ export class ModelView {
   private onlyPoints: Set<number> | null = null;
   private onlyLines: Set<number> | null = null;
   private photographsLoaded = false;
+  private texturesLoaded = false;
 
   constructor(readonly model: Model, readonly second: boolean, public tint: Rgb | null) {
     const shift = second ? secondModel : 0;
@@ -79,7 +82,7 @@ export class ModelView {
       this.points, this.lines, this.surfaces, this.outlines, this.junctions, this.edges, this.relations, this.directions, this.cameras,
     ])
       this.root.add(drawn.object);
-    this.root.add(this.photographs);
+    this.root.add(this.photographs, this.textures);
   }
 
   groupColour(group: number): Rgb {
@@ -279,6 +282,12 @@ export class ModelView {
       changed();
     });
   }
+  // Photographs upon surfaces; made when they are first wanted.
+  loadTextures(changed: () => void): void {
+    if (this.texturesLoaded || this.second) return;
+    this.texturesLoaded = true;
+    void addTextures(this.model, this.textures, changed);
+  }
   private placePhotographs(size: number): void {
     for (const mesh of this.photographs.children as THREE.Mesh[]) {
       const position = mesh.geometry.getAttribute("position");
@@ -304,7 +313,9 @@ export class ModelView {
     this.photographs.visible = on.photographs && on.cameras;
     this.points.size = settings.pointSize;
     this.lines.width = settings.lineWidth;
-    this.surfaces.opacity = settings.opacity;
+    this.textures.visible = on.textures;
+    // They are still there to be clicked on.
+    this.surfaces.opacity = on.textures ? 0.04 : settings.opacity;
     const groupColours = this.groupColours();
     const solid = (rgb: Rgb) => (_: number, out: Uint8Array, at: number) => set(out, at, rgb);
     this.paintPoints(settings, theme.dim, groupColours);

@@ -2,8 +2,8 @@
 // The panel on the left: what is shown, how large, in which colours.
 import type { App } from "./app";
 import { button, choice, el, slider, toggle } from "./dom";
-import { type Layer, lineColours, pointColours, type Legend } from "./modelview";
-import { scaleCss } from "./palette";
+import { type Layer, lineColours, originNames, pointColours, type Legend } from "./modelview";
+import { category, css, scaleCss } from "./palette";
 import { groupName } from "./info";
 import type { Split } from "./stage";
 
@@ -17,6 +17,12 @@ function scaleBar(legend: Legend | null): HTMLElement | null {
     el("div", { class: "ends" }, el("span", {}, legend.low), el("span", {}, legend.unit), el("span", {}, legend.high)));
 }
 
+function originLegend(app: App): HTMLElement {
+  const used = new Set(app.view.model.pointOrigin);
+  return el("div", { class: "legend origins" }, ...originNames.flatMap((name, origin) => !used.has(origin) ? [] : [el("span", {},
+    el("span", { class: "dot", style: `background:${origin === 0 ? "var(--soft)" : css(category(origin - 1))}` }), name)]));
+}
+
 export function buildPanel(app: App): HTMLElement[] {
   const { settings, view, views } = app;
   const { model } = view;
@@ -27,6 +33,7 @@ export function buildPanel(app: App): HTMLElement[] {
     ["points", "Points", model.points.count],
     ["lines", "Lines", model.lines.count],
     ["surfaces", "Planes and surfaces", groups.length - vps],
+    ["textures", "Photographs on surfaces", app.photographCount > 0 ? groups.length - vps : 0],
     ["directions", "Vanishing directions", vps],
     ["wireframe", "Wireframe and junctions", model.wireframe.length / 3],
     ["relations", "Relations of surfaces", model.meta.relations.filter(([a, b]) => !groups[a].parallelism && !groups[b].parallelism).length],
@@ -56,6 +63,7 @@ export function buildPanel(app: App): HTMLElement[] {
     look.push(
       choice("Points by", points.map((c) => [c, colourNames[c]] as const), settings.pointColour, set("pointColour"), "point-colour"),
       scaleBar(view.pointLegend),
+      settings.pointColour === "origin" ? originLegend(app) : null,
       slider("Point size", settings.pointSize, [1, 10, 0.5], (v) => `${v} px`, set("pointSize"), "point-size"));
   }
   if (model.lines.count > 0) {
@@ -104,7 +112,7 @@ export function helpDialog(): HTMLDialogElement {
     ["drag", "turn"], ["right drag", "move"], ["wheel, pinch", "zoom to the pointer"], ["click", "what is this?"],
     ["double click", "turn about it"], ["F", "see all"], ["Z", "zoom to what is selected"], ["1 3 7", "front, side, plan"],
     ["4 6", "left, back"], ["O", "perspective or orthographic"], ["Enter", "look from the selected image"], ["\u2190 \u2192", "image before, next"],
-    ["Esc", "back"], ["P L S C", "points, lines, surfaces, cameras"], ["W D T", "wireframe, directions, photographs"], ["M", "measure"],
+    ["Esc", "back"], ["P L S C", "points, lines, surfaces, cameras"], ["W D", "wireframe, directions"], ["T E", "photographs on cameras, on surfaces"], ["M", "measure"],
     ["B", "clipping box"], ["X", "first, second, both models"], ["/", "search: id or image name"], ["R", "report"],
     ["G", "save a picture"], ["H", "hide the panels"], ["+ \u2212", "larger, smaller points"], ["?", "this page"],
   ];

@@ -13,7 +13,7 @@ export const shared = {
   clipHigh: { value: new THREE.Vector3(1e30, 1e30, 1e30) },
 };
 
-const common = /* glsl */ `
+export const common = /* glsl */ `
   uniform vec2 resolution;
   uniform float pixelRatio;
   uniform mat4 clipFrom;

@@ -6,8 +6,9 @@ import { mkdtempSync, rmSync, statSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
+import { pathToFileURL } from "node:url";
 import { launch, open, settle } from "./browser.mjs";
-import { centres, hostile, lines, points, writeSmallModel } from "./small_model.mjs";
+import { centres, height, hostile, lines, points, project, width, writeSmallModel } from "./small_model.mjs";
 
 const holba = process.env.HOLBA;
 const folder = mkdtempSync(join(tmpdir(), "holba-viewer-test-"));
@@ -157,6 +158,101 @@ test("what was observed is where the model projects to", async () => {
     });
     assert.ok(far < 0.3, `${far} px`);
   });
+});
+
+test("a surface shows what the photographs show of it", async () => {
+  await withPage(small, {}, async (page) => {
+    await page.evaluate(() => {
+      const app = window.holba;
+      for (const layer of ["points", "lines", "cameras", "surfaces"]) app.setLayer(layer, false);
+      app.setLayer("textures", true);
+      app.along("front");
+    });
+    await page.waitForFunction(() => window.holba.view.textures.children.length > 0);
+    await page.waitForTimeout(300);
+    await settle(page);
+    const seen = await pixels(page);
+    // Points 11 and 22 lie in the plane, beside its corners: a little inside of it is their colour.
+    for (const index of [0, 1]) {
+      const inside = await page.evaluate((i) => {
+        const app = window.holba;
+        const [x, y, z] = app.view.model.point(i);
+        const p = app.stage.project(app.stage.toScene([x * 0.985, y * 0.985, z]));
+        return { x: p.x, y: p.y };
+      }, index);
+      points[index].colour.forEach((c, q) => {
+        const colour = at(seen, inside.x, inside.y);
+        assert.ok(Math.abs(colour[q] - c) < 60, `point ${points[index].id}: ${colour}`);
+      });
+    }
+  });
+});
+
+test("a place is in a photograph where its lens puts it", async () => {
+  await withPage(small, {}, async (page) => {
+    const xyz = [[0.4, -0.7, 5], [-1.2, 0.9, 4.5], [1.7, 1.0, 5]];
+    const found = await page.evaluate((places) => {
+      const { model } = window.holba.view;
+      const { origin } = model.meta;
+      return places.map((p) => model.project(1, p.map((v, q) => v - origin[q])));
+    }, xyz);
+    xyz.forEach((p, k) => {
+      const [x, y] = project(1, p);
+      assert.ok(Math.hypot(found[k][0] * width - x, found[k][1] * height - y) < 0.2);
+    });
+    assert.equal(await page.evaluate(() => window.holba.view.model.project(1, [0, 0, -50])), null);
+  });
+});
+
+test("a bar tells lengths where one scale holds", async () => {
+  await withPage(small, {}, async (page) => {
+    assert.equal(await page.isVisible("#scale-bar"), false);
+    await page.keyboard.press("7");
+    await settle(page);
+    const length = Number((await page.textContent("#scale-bar span")).split(" ")[0]);
+    const pixelsOfBar = await page.evaluate(() => document.querySelector("#scale-bar .bar").getBoundingClientRect().width);
+    const pixelsOfUnit = await page.evaluate(() => {
+      const { stage, view } = window.holba;
+      const right = view.model.meta.right;
+      const a = stage.project(stage.toScene([0, 0, 0])), b = stage.project(stage.toScene(right));
+      return Math.hypot(a.x - b.x, a.y - b.y);
+    });
+    assert.ok(Math.abs(pixelsOfBar - length * pixelsOfUnit) < 2, `${pixelsOfBar} ${length * pixelsOfUnit}`);
+    await page.keyboard.press("o");
+    await settle(page);
+    assert.equal(await page.isVisible("#scale-bar"), false);
+  });
+});
+
+test("fingers turn the model, zoom it and say what a point is", async () => {
+  const context = await browser.newContext({ viewport: { width: 420, height: 760 }, hasTouch: true, isMobile: true, offline: true });
+  try {
+    const page = await context.newPage();
+    await page.goto(pathToFileURL(small).href);
+    await page.waitForFunction(() => document.body.dataset.ready);
+    await settle(page);
+    const { x, y } = await place(page, "point", 2);
+    await page.touchscreen.tap(x, y);
+    assert.equal(await title(page), "Point 33");
+    const client = await context.newCDPSession(page);
+    const send = (type, touchPoints) => client.send("Input.dispatchTouchEvent", { type, touchPoints });
+    const camera = () => page.evaluate(() => window.holba.stage.camera.position.toArray());
+    const distance = () => page.evaluate(() => window.holba.stage.camera.position.distanceTo(window.holba.stage.controls.target));
+    const before = await camera();
+    await send("touchStart", [{ x: 150, y: 200 }]);
+    for (let k = 1; k <= 5; ++k) await send("touchMove", [{ x: 150 + 12 * k, y: 200 }]);
+    await send("touchEnd", []);
+    await settle(page);
+    assert.ok((await camera()).some((v, q) => Math.abs(v - before[q]) > 1e-3));
+    const far = await distance();
+    await send("touchStart", [{ x: 180, y: 200, id: 1 }, { x: 220, y: 200, id: 2 }]);
+    for (let k = 1; k <= 5; ++k) await send("touchMove", [{ x: 180 - 15 * k, y: 200, id: 1 }, { x: 220 + 15 * k, y: 200, id: 2 }]);
+    await send("touchEnd", []);
+    await settle(page);
+    assert.ok((await distance()) < 0.8 * far);
+  } finally {
+    await context.close();
+  }
 });
 
 test("search finds ids and names", async () => {

@@ -10,17 +10,23 @@
 
 #include "holba/base/log_sink.h"
 #include "holba/base/printable.h"
+#include "holba/base/progress.h"
 
 namespace holba {
 namespace {
 
 spdlog::level::level_enum ToSpdlog(LogLevel level) {
   switch (level) {
-    case LogLevel::kDebug: return spdlog::level::debug;
-    case LogLevel::kInfo: return spdlog::level::info;
-    case LogLevel::kWarning: return spdlog::level::warn;
-    case LogLevel::kError: return spdlog::level::err;
-    case LogLevel::kOff: return spdlog::level::off;
+    case LogLevel::kDebug:
+      return spdlog::level::debug;
+    case LogLevel::kInfo:
+      return spdlog::level::info;
+    case LogLevel::kWarning:
+      return spdlog::level::warn;
+    case LogLevel::kError:
+      return spdlog::level::err;
+    case LogLevel::kOff:
+      return spdlog::level::off;
   }
   return spdlog::level::info;
 }
@@ -49,6 +55,8 @@ void SetLogLevel(LogLevel level) { Logger().set_level(ToSpdlog(level)); }
 void LogMessage(LogLevel level, std::string_view message) {
   const std::string printable = Printable(message);
   if (Sink()) return Sink()(level, printable);
+  if (!Logger().should_log(ToSpdlog(level))) return;
+  ClearProgressLine();
   Logger().log(ToSpdlog(level), spdlog::string_view_t(printable.data(), printable.size()));
 }
 

@@ -32,14 +32,6 @@ std::string Css(const std::array<uint8_t, 3>& rgb) {
   return fmt::format("#{:02x}{:02x}{:02x}", rgb[0], rgb[1], rgb[2]);
 }
 
-// 1, 2 or 5 times a power of ten, at most a quarter of the extent.
-double BarLength(double extent) {
-  const double power = std::pow(10.0, std::floor(std::log10(extent / 4.0)));
-  for (const double step : {5.0, 2.0})
-    if (step * power <= extent / 4.0) return step * power;
-  return power;
-}
-
 class FloorPlan {
  public:
   explicit FloorPlan(const Reconstruction& model)

@@ -11,6 +11,7 @@
 #include "holba/base/error.h"
 #include "holba/base/file_faults.h"
 #include "holba/base/log.h"
+#include "holba/base/progress.h"
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
 #include "holba/base/words.h"
@@ -271,6 +272,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
   }
   report->num_images = tasks.size();
   report->images_reused = tasks.size() - open.size();
+  Progress progress("Finding segments", "images", open.size());
   for (size_t begin = 0; begin < open.size(); begin += kImagesPerWrite) {
     const size_t count = std::min(kImagesPerWrite, open.size() - begin);
     ParallelTasks(options.num_threads, count, [&](size_t i) {
@@ -281,6 +283,7 @@ ImageFeatureMap DetectFeatures(const DetectionOptions& options, const Photograph
         task.fault = error.what();
         task.features = {};
       }
+      progress.Advance();
     });
     Database::Transaction transaction(database);
     for (size_t i = 0; i < count; ++i) {

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "holba/base/progress.h"
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
 #include "holba/base/words.h"
@@ -85,11 +86,13 @@ void MatchPairs(const MatchLinesOptions& options, const Reconstruction& model,
           id, MakeMatchable(features.at(id), model.cameras.at(model.images.at(id).camera_id)));
     }
   }
+  Progress progress("Matching segments", "pairs", tasks->size());
   ParallelTasks(options.num_threads, tasks->size(), [&](size_t i) {
     LinePairTask& task = (*tasks)[i];
     const auto& [id1, id2] = task.pair;
     task.matches =
         MatchSegments(options.matching, matchable.at(id1), matchable.at(id2), *task.points, task.F);
+    progress.Advance();
   });
 }
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <utility>
 
+#include "holba/base/progress.h"
 #include "holba/base/threads.h"
 #include "holba/base/timer.h"
 #include "holba/estimation/two_view/relative_pose.h"
@@ -104,7 +105,9 @@ MatchSegmentsReport MatchSegmentsOfPairs(const LineMatchingOptions& options,
   const std::set<ImagePair> verified(verified_list.begin(), verified_list.end());
   const std::string text = SettingsText("matching by points 2", options);
 
+  Progress progress("Matching segments", "pairs", pairs.size());
   for (size_t begin = 0; begin < pairs.size(); begin += kPairsPerWrite) {
+    progress.Update(begin);
     std::vector<SegmentPairTask> tasks;
     for (size_t i = begin; i < std::min(begin + kPairsPerWrite, pairs.size()); ++i) {
       const auto& [id1, id2] = pairs[i];

@@ -62,4 +62,11 @@ PlanAxes EstimatePlanAxes(const Reconstruction& model, const Eigen::Vector3d& do
   return {right, down.cross(right)};
 }
 
+double BarLength(double extent) {
+  const double power = std::pow(10.0, std::floor(std::log10(extent / 4.0)));
+  for (const double step : {5.0, 2.0})
+    if (step * power <= extent / 4.0) return step * power;
+  return power;
+}
+
 }  // namespace holba

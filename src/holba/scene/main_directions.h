@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Which way a scene is turned: what is down in it, and which level direction most of its lines run
-// along. For pictures, plans and viewers.
+// along. For pictures, plans and viewers, and the length of the bars beside these.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,5 +23,9 @@ struct PlanAxes {
 };
 // `down`: a unit vector.
 PlanAxes EstimatePlanAxes(const Reconstruction& model, const Eigen::Vector3d& down);
+
+// Length of a scale bar beside a picture of something `extent` wide: 1, 2 or 5 times a power of
+// ten, a tenth to a quarter of the extent (greater than 0).
+double BarLength(double extent);
 
 }  // namespace holba

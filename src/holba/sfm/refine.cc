@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "holba/base/progress.h"
 #include "holba/base/timer.h"
 #include "holba/bundle/bundle_problem.h"
 #include "holba/bundle/bundle_selection.h"
@@ -40,8 +41,12 @@ class Refiner {
 
   RefineReport Run(const LineMatcher& match_lines, const RegionObserver& observe_regions) {
     const Timer timer;
+    // Points, matches, structure; of each round what is reliable, two adjustments, associations.
+    Progress progress("Refining", "steps", 3 + 4 * static_cast<size_t>(options_.num_rounds));
+    progress.Update(0);
     RemoveStructure(&model_);
     AdjustPoints();
+    progress.Advance();
     const double points_seconds = timer.Seconds();
     if (bundle_.config == BundleConfig::kPoint) {
       report_.stage1 = report_.points_alone;
@@ -52,20 +57,26 @@ class Refiner {
     }
 
     const LineMatchMap matches = match_lines(model_);
+    progress.Advance();
     const Timer structure_timer;
     report_.structure = BuildStructure(options_.structure, features_, &matches, observe_regions,
                                        options_.solver.num_threads, &model_);
     report_.structure_seconds = structure_timer.Seconds();
+    progress.Advance();
 
     const Timer adjust_timer;
     for (int round = 0; round < options_.num_rounds; ++round) {
       Classify();
+      progress.Advance();
       Stage1(round + 1 == options_.num_rounds);
+      progress.Advance();
       Stage2();
+      progress.Advance();
       const std::map<group3D_t, std::vector<double>> adjusted = GroupParams();
       UpdateAssociations(options_.structure, &model_, &report_.structure);
       // Members are judged by fits to points and lines; what is written is the adjustment's.
       if (round + 1 == options_.num_rounds) SetGroupParams(adjusted);
+      progress.Advance();
     }
     Classify();
     report_.stage1_options = bundle_;

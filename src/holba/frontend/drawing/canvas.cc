@@ -6,6 +6,8 @@
 #include <iterator>
 #include <opencv2/imgproc.hpp>
 
+#include "holba/frontend/drawing/picture_parts.h"
+
 namespace holba {
 namespace {
 
@@ -24,6 +26,18 @@ cv::Point ToPoint(const Eigen::Vector2d& p) {
           static_cast<int>(std::lround((kFineness * p.y() - 0.5) * (1 << kShift)))};
 }
 
+constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
+
+std::string PlainLetters(const std::string& text) {
+  // What follows the first byte of a letter in UTF-8 is a part of it.
+  std::string plain;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if ((byte & 0xc0) != 0x80) plain += byte >= 0x20 && byte < 0x7f ? c : '?';
+  }
+  return plain;
+}
+
 }  // namespace
 
 Rgb PaletteColour(size_t index) {
@@ -39,16 +53,9 @@ Canvas::Canvas(int width, int height)
       pixels_(kFineness * height, kFineness * width, CV_8UC3, cv::Scalar(255, 255, 255)) {}
 
 Canvas::Canvas(const ColourImage& photograph) : Canvas(photograph.width, photograph.height) {
-  cv::Mat pale(height_, width_, CV_8UC3);
-  for (size_t i = 0; i + 2 < photograph.pixels.size(); i += 3) {
-    const uint8_t* rgb = &photograph.pixels[i];
-    const int grey = (299 * rgb[0] + 587 * rgb[1] + 114 * rgb[2]) / 1000;
-    for (int k = 0; k < 3; ++k) {
-      // Half as colourful, two thirds as dark.
-      pale.data[i + k] = static_cast<uint8_t>(255 - (255 - (grey + rgb[k]) / 2) * 2 / 3);
-    }
-  }
-  if (!pale.empty()) cv::resize(pale, pixels_, pixels_.size(), 0, 0, cv::INTER_NEAREST);
+  const ColourImage pale = Pale(photograph);
+  const cv::Mat small(height_, width_, CV_8UC3, const_cast<uint8_t*>(pale.pixels.data()));
+  if (!small.empty()) cv::resize(small, pixels_, pixels_.size(), 0, 0, cv::INTER_NEAREST);
 }
 
 double Canvas::Diagonal() const { return std::hypot(width_, height_); }
@@ -87,13 +94,7 @@ void Canvas::Fill(const std::vector<Eigen::Vector2d>& polygon, const Rgb& colour
 void Canvas::Text(const std::string& text, const Eigen::Vector2d& left, const Rgb& colour,
                   double height) {
   if (text.empty() || !Drawable(left)) return;
-  // What follows the first byte of a letter in UTF-8 is a part of it.
-  std::string plain;
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if ((byte & 0xc0) != 0x80) plain += byte >= 0x20 && byte < 0x7f ? c : '?';
-  }
-  constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
+  const std::string plain = PlainLetters(text);
   int below = 0;
   const cv::Size at_scale_1 = cv::getTextSize(plain, kFont, 1.0, 1, &below);
   const double room = kFineness * (width_ - left.x() - height * Diagonal() / 1000.0);
@@ -104,6 +105,12 @@ void Canvas::Text(const std::string& text, const Eigen::Vector2d& left, const Rg
                          static_cast<int>(std::lround(kFineness * left.y())));
   cv::putText(pixels_, plain, origin, kFont, scale, ToScalar(colour),
               std::max(1, static_cast<int>(std::lround(1.5 * scale))), cv::LINE_AA);
+}
+
+double Canvas::TextWidth(const std::string& text, double height_px) {
+  int below = 0;
+  const cv::Size at_scale_1 = cv::getTextSize(PlainLetters(text), kFont, 1.0, 1, &below);
+  return at_scale_1.width * height_px / std::max(at_scale_1.height, 1);
 }
 
 ColourImage Canvas::ToImage() const {

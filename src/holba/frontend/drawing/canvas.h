@@ -37,6 +37,8 @@ class Canvas {
   // Letters of ASCII, others as '?'. `left`: where their base line begins. Not wider than the
   // picture: then smaller.
   void Text(const std::string& text, const Eigen::Vector2d& left, const Rgb& colour, double height);
+  // Pixels that it takes with capitals of this height in pixels.
+  static double TextWidth(const std::string& text, double height_px);
   // What `draw` draws shows by `opacity`.
   template <typename Draw>
   void Translucent(double opacity, Draw draw) {

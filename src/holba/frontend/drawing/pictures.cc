@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <unordered_map>
 #include <unordered_set>
@@ -13,6 +12,7 @@
 
 #include "holba/base/check.h"
 #include "holba/frontend/drawing/canvas.h"
+#include "holba/frontend/drawing/picture_parts.h"
 #include "holba/geometry/angle.h"
 #include "holba/group/known_types.h"
 #include "holba/scene/main_directions.h"
@@ -25,71 +25,9 @@ constexpr double kLineWidth = 1.8, kFaintWidth = 0.6, kFaintOpacity = 0.5;
 
 // Planes steeper than 70 degrees have a trace when seen from above.
 constexpr double kMaxVerticalPlaneCosine = 0.34;
-// Longest edge of a plane's region in units of the median of its triangles' shortest edges, and
-// bounds of it as parts of the picture's diagonal.
-constexpr double kMaxRegionEdge = 5.0, kMinRegionEdgePart = 0.045, kMaxRegionEdgePart = 0.09;
 constexpr double kRegionOpacity = 0.45;
 
 bool IsVp(const Group3D& group) { return group.type->IsParallelism(); }
-
-std::map<group3D_t, Rgb> AllColours(const Reconstruction& model) {
-  std::map<group3D_t, Rgb> colours;
-  size_t num_vps = 0, num_others = 0;
-  for (const auto& [id, group] : model.groups3D) {
-    colours[id] = PaletteColour(IsVp(group) ? num_vps++ : num_others++);
-  }
-  return colours;
-}
-
-// Colours of the lines that belong to a vanishing point.
-std::unordered_map<line3D_t, Rgb> LineColours(const Reconstruction& model) {
-  std::unordered_map<line3D_t, Rgb> colours;
-  const auto group_colours = AllColours(model);
-  for (const auto& [id, group] : model.groups3D) {
-    if (!IsVp(group)) continue;
-    for (const line3D_t line3D_id : group.line3D_ids)
-      colours.emplace(line3D_id, group_colours.at(id));
-  }
-  return colours;
-}
-
-Rgb ColourOr(const std::unordered_map<line3D_t, Rgb>& colours, line3D_t id, const Rgb& other) {
-  const auto found = colours.find(id);
-  return found == colours.end() ? other : found->second;
-}
-
-// From pixels of the camera to those of the photograph.
-Eigen::Vector2d PhotographScale(const Reconstruction& model, const Image& image,
-                                const ColourImage& photograph) {
-  const Camera& camera = model.cameras.at(image.camera_id);
-  HOLBA_CHECK(photograph.pixels.size() == size_t{3} * photograph.width * photograph.height);
-  if (camera.width == 0 || camera.height == 0) return {1.0, 1.0};
-  return {photograph.width / static_cast<double>(camera.width),
-          photograph.height / static_cast<double>(camera.height)};
-}
-
-// Places of the photograph along the image of what is straight in the world between two pixels of
-// the camera: the chord of a pinhole, a curve of a lens that distorts.
-std::vector<Eigen::Vector2d> AlongLens(const Camera& camera, const Eigen::Vector2d& start,
-                                       const Eigen::Vector2d& end, const Eigen::Vector2d& scale) {
-  // An arc of a twelfth of the picture is straight to a few hundredths of a pixel for usual lenses.
-  constexpr double kMaxPart = 1.0 / 12.0;
-  std::vector<Eigen::Vector2d> places = {start.cwiseProduct(scale)};
-  const double size = std::hypot(camera.width, camera.height);
-  if (!camera.model->is_pinhole && size > 0.0) {
-    const auto a = camera.model->unproject(camera.params.data(), start);
-    const auto b = camera.model->unproject(camera.params.data(), end);
-    const int num = 1 + static_cast<int>(std::min((end - start).norm() / (kMaxPart * size), 100.0));
-    for (int i = 1; i < num && a && b; ++i) {
-      Eigen::Vector2d pixel;
-      const Eigen::Vector3d ray = *a + (*b - *a) * i / num;
-      if (camera.model->project(camera.params.data(), ray, &pixel))
-        places.push_back(pixel.cwiseProduct(scale));
-    }
-  }
-  places.push_back(end.cwiseProduct(scale));
-  return places;
-}
 
 void DrawPath(const std::vector<Eigen::Vector2d>& places, const Rgb& colour, double width,
               Canvas* canvas) {
@@ -100,54 +38,6 @@ double Percentile(std::vector<double> values, double part) {
   const auto nth = values.begin() + std::lround(part * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), nth, values.end());
   return *nth;
-}
-
-using Triangle = std::array<Eigen::Vector2d, 3>;
-
-// Delaunay triangles without the long ones.
-std::vector<Triangle> RegionTriangles(const std::vector<Eigen::Vector2d>& points, double diagonal) {
-  std::vector<Triangle> triangles;
-  if (points.size() < 3) return triangles;
-  Eigen::Vector2d low = points[0], high = points[0];
-  for (const Eigen::Vector2d& p : points) {
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
-  }
-  const cv::Point corner(cvFloor(low.x()) - 2, cvFloor(low.y()) - 2);
-  const cv::Rect bounds(corner, cv::Point(cvCeil(high.x()) + 3, cvCeil(high.y()) + 3));
-  cv::Subdiv2D subdivision(bounds);
-  for (const Eigen::Vector2d& p : points) {
-    subdivision.insert(cv::Point2f(static_cast<float>(p.x()), static_cast<float>(p.y())));
-  }
-  std::vector<cv::Vec6f> all;
-  subdivision.getTriangleList(all);
-  std::vector<double> shortest_edges, longest_edges;
-  for (const cv::Vec6f& t : all) {
-    const Triangle triangle = {Eigen::Vector2d(t[0], t[1]), Eigen::Vector2d(t[2], t[3]),
-                               Eigen::Vector2d(t[4], t[5])};
-    double shortest = INFINITY, longest = 0.0;
-    bool inside = true;
-    for (int k = 0; k < 3; ++k) {
-      const double length = (triangle[k] - triangle[(k + 1) % 3]).norm();
-      shortest = std::min(shortest, length);
-      longest = std::max(longest, length);
-      // The subdivision's own outer corners lie outside.
-      inside =
-          inside && bounds.contains(cv::Point(cvFloor(triangle[k].x()), cvFloor(triangle[k].y())));
-    }
-    if (!inside) continue;
-    triangles.push_back(triangle);
-    shortest_edges.push_back(shortest);
-    longest_edges.push_back(longest);
-  }
-  if (triangles.empty()) return triangles;
-  const double max_edge = std::clamp(kMaxRegionEdge * Percentile(shortest_edges, 0.5),
-                                     kMinRegionEdgePart * diagonal, kMaxRegionEdgePart * diagonal);
-  std::vector<Triangle> short_ones;
-  for (size_t i = 0; i < triangles.size(); ++i) {
-    if (longest_edges[i] <= max_edge) short_ones.push_back(triangles[i]);
-  }
-  return short_ones;
 }
 
 void DrawOutline(const Reconstruction& model, const Image& image, const Group3D& group,
@@ -198,7 +88,7 @@ void DrawOutline(const Reconstruction& model, const Image& image, const Group3D&
 }  // namespace
 
 Rgb GroupColour(const Reconstruction& model, group3D_t group3D_id) {
-  return AllColours(model).at(group3D_id);
+  return GroupColours(model).at(group3D_id);
 }
 
 ColourImage DrawSegments(const Reconstruction& model, image_t image_id,
@@ -232,7 +122,7 @@ ColourImage DrawGroups(const Reconstruction& model, image_t image_id,
   const Image& image = model.images.at(image_id);
   const Camera& camera = model.cameras.at(image.camera_id);
   const Eigen::Vector2d scale = PhotographScale(model, image, photograph);
-  const auto colours = AllColours(model);
+  const auto colours = GroupColours(model);
   std::unordered_map<point3D_t, std::vector<Eigen::Vector2d>> seen_points;
   for (const Point2D& point : image.points2D) {
     if (point.point3D_id != kNoId)
@@ -285,7 +175,7 @@ ColourImage DrawGroups(const Reconstruction& model, image_t image_id,
   canvas.Translucent(kRegionOpacity, [&] {
     for (const Seen& seen : all_seen) {
       if (!is_plane(*seen.group)) continue;
-      for (const Triangle& triangle : RegionTriangles(seen.points, canvas.Diagonal())) {
+      for (const auto& triangle : RegionTriangles(seen.points, canvas.Diagonal())) {
         canvas.Fill({triangle[0], triangle[1], triangle[2]}, seen.colour);
       }
     }
@@ -383,7 +273,7 @@ ColourImage DrawTopView(const Reconstruction& model, int size_px) {
 
   for (const auto& [id, point] : model.points3D) canvas.Dot(at(point.xyz), kPale, 0.7);
 
-  const auto group_colours = AllColours(model);
+  const auto group_colours = GroupColours(model);
   canvas.Translucent(0.5, [&] {
     for (const auto& [id, group] : model.groups3D) {
       if (!IsPlane(*group.type) || group.point3D_ids.empty()) continue;
