@@ -1,7 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 # Installs what is missing, builds everything and runs all tests. Arguments go to ctest: ./test.sh -R io/
+# With --all first the Python package is built and tested, too (python/test.sh: some minutes more).
 set -euo pipefail
+if [[ ${1:-} == --all ]]; then
+  shift
+  "$(dirname "${BASH_SOURCE[0]}")/python/test.sh" "$@"
+fi
 source "$(dirname "${BASH_SOURCE[0]}")/cmake/setup.sh"
 holba_install_packages "${holba_build_packages[@]}" "${holba_test_packages[@]}"
 # What tests the viewer: any Node, npm and chromium that are there will do. Without them those tests say that they are skipped.

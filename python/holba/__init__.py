@@ -74,12 +74,14 @@ from ._commands import (
     run,
     synthesize,
     transform,
+    view,
 )
 from ._errors import CheckError, Error, InputError
 from ._mapper import Mapper
 from ._options import Option, commands, options
 from ._problem import build_problem, columns, jacobian, reduced_system, solve
 from ._pycolmap import from_pycolmap, to_pycolmap
+from ._show import View, show
 
 _logger = _logging.getLogger("holba")
 _core._set_logger(_logger.log)
@@ -117,6 +119,7 @@ __all__ = [
     "SolverSummary",
     "SolverWorkspace",
     "TermCost",
+    "View",
     "__version__",
     "adjust",
     "adjust_local",
@@ -153,9 +156,11 @@ __all__ = [
     "run",
     "select_all",
     "select_around",
+    "show",
     "solve",
     "synthesize",
     "to_pycolmap",
     "transform",
     "update_errors",
+    "view",
 ]

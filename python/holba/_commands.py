@@ -56,11 +56,11 @@ class _Folder:
             self._folder = tempfile.TemporaryDirectory(prefix="holba-")
         return os.path.join(self._folder.name, name)
 
-    def input(self, model: Model) -> str:
+    def input(self, model: Model, name: str = "input") -> str:
         """Where the program reads a model."""
         if not isinstance(model, Reconstruction):
             return os.fspath(model)
-        path = self.path("input")
+        path = self.path(name)
         model.write(path)
         return path
 
@@ -203,3 +203,25 @@ def transform(input_path: Model, output_path: Path, **options: Unpack[_keywords.
 def bench(**options: Unpack[_keywords.BenchKeywords]) -> Union[Report, str, None]:
     """The benchmarks. Options (keywords):"""
     return run("bench", **options)
+
+
+def view(
+    model: Model,
+    output_path: Path,
+    *,
+    image_path: Optional[Path] = None,
+    compare_path: Optional[Model] = None,
+    **options: Unpack[_keywords.ViewKeywords],
+) -> None:
+    """Writes one page that shows a model in any browser (docs/view.md).
+
+    image_path: folder of the photographs; None: without them. compare_path: a second model of the same photographs, aligned
+    to the first. Raises InputError. Options (keywords):
+    """
+    with _Folder() as folder:
+        given: Dict[str, Any] = {**options, "input_path": folder.input(model), "output_path": output_path}
+        if image_path is not None:
+            given["image_path"] = image_path
+        if compare_path is not None:
+            given["compare_path"] = folder.input(compare_path, "compare")
+        run("view", **given)

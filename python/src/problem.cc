@@ -10,7 +10,10 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <map>
+#include <memory>
 #include <set>
+#include <tuple>
 
 #include "calls.h"
 #include "holba/base/error.h"
@@ -18,6 +21,7 @@
 #include "holba/solver/covariance.h"
 #include "module.h"
 #include "options.h"
+#include "python_group.h"
 #include "python_residual.h"
 #include "records.h"
 #include "summaries.h"
@@ -107,6 +111,11 @@ uint32_t AddBlock(PyProblem& p, const std::string& kind, const std::vector<doubl
   return id;
 }
 
+void CheckLoss(double loss_scale, double weight) {
+  if (!(loss_scale > 0.0) || !(weight >= 0.0))
+    throw InputError("loss_scale and weight: expected a scale above 0 and a weight of at least 0");
+}
+
 size_t AddResiduals(PyProblem& p, const std::string& term, int dim, nb::object values,
                     const ArrayArg<uint32_t, -1, -1>& blocks, nb::object jacobian,
                     const std::string& loss, double loss_scale, double weight,
@@ -117,8 +126,7 @@ size_t AddResiduals(PyProblem& p, const std::string& term, int dim, nb::object v
   if (slots < 1 || slots > kMaxSlots)
     throw InputError(fmt::format("blocks: expected 1 to {} columns, found {}", kMaxSlots, slots));
   if (n == 0) throw InputError("blocks: expected at least one row, found none");
-  if (!(loss_scale > 0.0) || !(weight >= 0.0))
-    throw InputError("loss_scale and weight: expected a scale above 0 and a weight of at least 0");
+  CheckLoss(loss_scale, weight);
   std::vector<const ManifoldOps*> manifolds;
   std::vector<int> tangents;
   for (size_t s = 0; s < slots; ++s) {
@@ -142,6 +150,77 @@ size_t AddResiduals(PyProblem& p, const std::string& term, int dim, nb::object v
   batch->weight = weight;
   p.problem().AddBatch(std::move(batch));
   return p.problem().batches().size() - 1;
+}
+
+template <typename Id>
+std::map<Id, BlockId> BlockOfId(const std::vector<std::pair<Id, BlockId>>& pairs) {
+  return {pairs.begin(), pairs.end()};
+}
+
+// One batch for each camera model.
+uint32_t AddGroup(PyProblem& p, const std::string& kind, const std::vector<double>& values,
+                  const std::vector<uint64_t>& point_ids, nb::object project, nb::object jacobian,
+                  const std::string& manifold_name, bool constant, const std::string& loss,
+                  double loss_scale, double weight, double relative_step) {
+  if (p.model.is_none() || !p.model.is_valid())
+    throw nb::value_error("this problem was built of no model: it has no observations of points");
+  if (!p.bundle.sensors.empty())
+    throw InputError(
+        "add_group: poses of sensors are adjusted in this problem; build it with the "
+        "sensors' poses held");
+  CheckLoss(loss_scale, weight);
+  const auto& scene = nb::cast<const Reconstruction&>(p.model);
+  const std::map<point3D_t, BlockId> points = BlockOfId(p.bundle.points);
+  const std::map<frame_t, BlockId> poses = BlockOfId(p.bundle.poses);
+  const std::map<camera_t, BlockId> cameras = BlockOfId(p.bundle.cameras);
+  for (const uint64_t id : point_ids) {
+    if (!points.contains(id))
+      throw InputError(
+          fmt::format("points: there is no point {} in the problem; give ids of "
+                      "Problem.point_blocks",
+                      id));
+  }
+  const ManifoldOps& manifold = ManifoldOf(manifold_name, values.size());
+  CheckUnpinned(p.problem().state().data());
+  const LossType loss_type = LossOf(loss);
+  const BlockId block = p.problem().AddBlock(Lasting(kind), manifold, BlockRole::kGroup, values);
+  p.problem().block(block).constant = constant;
+  std::map<const CameraModel*, std::unique_ptr<PythonGroupBatch>> batches;
+  std::map<std::pair<rig_t, camera_t>, std::shared_ptr<const SensorPose>> sensors;
+  for (const uint64_t id : point_ids) {
+    for (const PointObservation& observation : scene.points3D.at(id).track) {
+      const Image& image = scene.images.at(observation.image_id);
+      const auto pose = poses.find(image.frame_id);
+      const auto camera = cameras.find(image.camera_id);
+      if (pose == poses.end() || camera == cameras.end()) continue;
+      const Frame& frame = scene.frames.at(image.frame_id);
+      const Rig& rig = scene.rigs.at(frame.rig_id);
+      std::shared_ptr<const SensorPose> sensor;
+      if (!(rig.ref_sensor && *rig.ref_sensor == SensorId{SensorType::kCamera, image.camera_id})) {
+        std::shared_ptr<const SensorPose>& known = sensors[{frame.rig_id, image.camera_id}];
+        if (!known) {
+          const Rigid3d in_rig = scene.SensorFromRig(image);
+          known =
+              std::make_shared<SensorPose>(SensorPose{in_rig.RotationMatrix(), in_rig.translation});
+        }
+        sensor = known;
+      }
+      const CameraModel& model = *scene.cameras.at(image.camera_id).model;
+      std::unique_ptr<PythonGroupBatch>& batch = batches[&model];
+      if (!batch) {
+        batch = std::make_unique<PythonGroupBatch>(
+            kind, model, manifold, PythonBatch::Functions{project, jacobian, relative_step});
+        batch->loss = {loss_type, loss_scale};
+        batch->weight = weight;
+      }
+      batch->Add(points.at(id), pose->second, camera->second, block, std::move(sensor));
+    }
+  }
+  // By the models' ids, so that their order is the same in every run.
+  std::map<int, std::unique_ptr<PythonGroupBatch>> in_order;
+  for (auto& [model, batch] : batches) in_order[model->id] = std::move(batch);
+  for (auto& [id, batch] : in_order) p.problem().AddBatch(std::move(batch));
+  return block;
 }
 
 template <typename Id>
@@ -214,6 +293,31 @@ void BindBlocks(nb::class_<PyProblem>* type) {
             "at loss_scale; weight multiplies the robustified cost. Raises InputError, CheckError "
             "for two features in "
             "one residual; what the functions raise ends the solve.");
+  type->def(
+      "add_group", AddGroup, nb::arg("kind"), nb::arg("values"), nb::arg("points"),
+      nb::arg("project"), nb::kw_only(), nb::arg("jacobian").none() = nb::none(),
+      nb::arg("manifold") = "euclidean", nb::arg("constant") = false, nb::arg("loss") = "trivial",
+      nb::arg("loss_scale") = 1.0, nb::arg("weight") = 1.0, nb::arg("relative_step") = 0.0,
+      nb::sig("def add_group(self, kind: str, values: collections.abc.Sequence[float] | "
+              "numpy.typing.NDArray[numpy.float64], points: "
+              "collections.abc.Sequence[int], project: collections.abc.Callable[..., "
+              "numpy.typing.NDArray[numpy.float64]], *, jacobian: collections.abc.Callable[..., "
+              "collections.abc.Sequence[numpy.typing.NDArray[numpy.float64]]] | None = None, "
+              "manifold: str = 'euclidean', constant: bool = False, loss: str = 'trivial', "
+              "loss_scale: float = 1.0, weight: float = 1.0, relative_step: float = 0.0) -> int"),
+      "A group of a type written in Python, with its members; returns the number of its block. The "
+      "residual of each "
+      "observation of a member is pi(X) - pi(project(X)), pixels (the term is called `kind`): the "
+      "cameras' part is "
+      "native. values: its parameters in memory (positive quantities best as logarithms); points: "
+      "ids of members. "
+      "project(X, g) gets m points (m, 3), in the model's frame, and parameters (m, k), and "
+      "returns the projected "
+      "points (m, 3); NaN: undefined. jacobian(X, g) returns [(m, 3, 3), (m, 3, t or k)], "
+      "derivatives by the point and "
+      "by the group; None: central differences. Others as for add_block and add_residuals. Raises "
+      "InputError, "
+      "ValueError for a problem of no model.");
   type->def_prop_ro("num_blocks", [](const PyProblem& p) { return p.problem().num_blocks(); });
   type->def_prop_ro(
       "num_residuals", [](const PyProblem& p) { return p.problem().num_residuals(); },

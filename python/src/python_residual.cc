@@ -52,22 +52,41 @@ bool PythonBatch::Knows(const Answers& answers, size_t at, const double* row) co
          std::memcmp(answers.parameters.data() + at * width_, row, sizeof(double) * width_) == 0;
 }
 
-nb::list PythonBatch::Arguments(const std::vector<double>& rows) const {
+PythonBatch::Columns PythonBatch::ColumnsOf(const std::vector<double>& rows) const {
   const size_t n = rows.size() / width_;
-  nb::list arguments;
+  Columns columns;
   for (int s = 0; s < num_slots(); ++s) {
     const size_t ambient = manifolds_[s]->ambient;
-    std::vector<double> values(n * ambient);
+    std::vector<double>& column = columns.emplace_back(n * ambient);
     for (size_t j = 0; j < n; ++j)
-      std::copy_n(rows.data() + j * width_ + first_[s], ambient, values.data() + j * ambient);
-    arguments.append(nb::cast(Owned<Array<double, -1, -1>>(std::move(values), {n, ambient})));
+      std::copy_n(rows.data() + j * width_ + first_[s], ambient, column.data() + j * ambient);
   }
+  return columns;
+}
+
+// A copy of its own, as the function may keep it, and not to be written, as it may be asked with it
+// again.
+nb::object PythonBatch::Argument(int slot, const double* column, size_t n) const {
+  const size_t ambient = manifolds_[slot]->ambient;
+  return nb::cast(Owned<Array<const double, -1, -1>>(
+      std::vector<double>(column, column + n * ambient), {n, ambient}));
+}
+
+nb::list PythonBatch::Arguments(const std::vector<double>& rows) const {
+  nb::list arguments;
+  const Columns columns = ColumnsOf(rows);
+  for (int s = 0; s < num_slots(); ++s)
+    arguments.append(Argument(s, columns[s].data(), rows.size() / width_));
   return arguments;
 }
 
 void PythonBatch::Values(const std::vector<double>& rows, double* values, uint8_t* present) const {
-  const size_t n = rows.size() / width_;
-  const nb::object answer = functions_.values(*Arguments(rows));
+  ValuesOf(Arguments(rows), rows.size() / width_, values, present);
+}
+
+void PythonBatch::ValuesOf(const nb::list& arguments, size_t n, double* values,
+                           uint8_t* present) const {
+  const nb::object answer = functions_.values(*arguments);
   AnyArray array;
   const bool fits = nb::try_cast(answer, array) && array.ndim() == 2 && array.shape(0) == n &&
                     array.shape(1) == static_cast<size_t>(dim());
@@ -114,72 +133,107 @@ void PythonBatch::GivenDerivatives(const std::vector<double>& rows, double* jaco
   }
 }
 
-// Central differences. Their step is that by which truncation and rounding are alike, in units of
-// the numbers that a coordinate moves: the root mean square of these over the batch.
-void PythonBatch::NumericDerivatives(const std::vector<double>& rows, double* jacobians) const {
-  const size_t n = rows.size() / width_;
-  const double relative = functions_.relative_step > 0.0
-                              ? functions_.relative_step
-                              : std::cbrt(std::numeric_limits<double>::epsilon());
-  const size_t stride = static_cast<size_t>(dim()) * tangent_width_;
-  std::vector<double> moved[2] = {rows, rows}, values[2];
-  std::vector<uint8_t> present[2];
-  for (int side : {0, 1}) {
-    values[side].resize(n * dim());
-    present[side].resize(n);
-  }
-  for (int s = 0; s < num_slots(); ++s) {
-    const ManifoldOps& manifold = *manifolds_[s];
-    std::vector<double> plus(static_cast<size_t>(manifold.ambient) * manifold.tangent);
-    for (int t = 0; t < manifold.tangent; ++t) {
-      double sum = 0.0;
-      size_t count = 0;
-      for (size_t j = 0; j < n; ++j) {
-        const double* x = rows.data() + j * width_ + first_[s];
-        manifold.plus_jacobian(x, plus.data());
-        for (int a = 0; a < manifold.ambient; ++a) {
-          if (plus[a * manifold.tangent + t] == 0.0) continue;
-          sum += x[a] * x[a];
-          ++count;
-        }
-      }
-      const double scale = sum > 0.0 ? std::sqrt(sum / static_cast<double>(count)) : 1.0;
-      double delta[kMaxTangent] = {};
-      for (int side : {0, 1}) {
-        delta[t] = (side == 0 ? -relative : relative) * scale;
-        for (size_t j = 0; j < n; ++j)
-          manifold.plus(rows.data() + j * width_ + first_[s], delta,
-                        moved[side].data() + j * width_ + first_[s]);
-        Values(moved[side], values[side].data(), present[side].data());
-      }
-      for (size_t j = 0; j < n; ++j) {
-        const bool both = present[0][j] != 0 && present[1][j] != 0;
-        for (int k = 0; k < dim(); ++k) {
-          jacobians[j * stride + static_cast<size_t>(dim()) * first_tangent_[s] +
-                    k * manifold.tangent + t] =
-              both
-                  ? (values[1][j * dim() + k] - values[0][j * dim() + k]) / (2.0 * relative * scale)
-                  : 0.0;
-        }
+// For each tangent coordinate the step's unit: the root mean square of the numbers that it moves.
+std::vector<double> PythonBatch::Scales(int slot, const std::vector<double>& column) const {
+  const ManifoldOps& manifold = *manifolds_[slot];
+  const size_t ambient = manifold.ambient, tangent = manifold.tangent, n = column.size() / ambient;
+  std::vector<double> sums(tangent, 0.0), plus(ambient * tangent);
+  std::vector<size_t> counts(tangent, 0);
+  for (size_t j = 0; j < n; ++j) {
+    const double* x = column.data() + j * ambient;
+    manifold.plus_jacobian(x, plus.data());
+    for (size_t a = 0; a < ambient; ++a) {
+      for (size_t t = 0; t < tangent; ++t) {
+        if (plus[a * tangent + t] == 0.0) continue;
+        sums[t] += x[a] * x[a];
+        ++counts[t];
       }
     }
+  }
+  std::vector<double> scales(tangent, 1.0);
+  for (size_t t = 0; t < tangent; ++t)
+    if (sums[t] > 0.0) scales[t] = std::sqrt(sums[t] / static_cast<double>(counts[t]));
+  return scales;
+}
+
+// Central differences of the rows from begin to end by the tangent coordinates of one slot; of the
+// other slots the function gets the same arrays every time.
+void PythonBatch::DifferencesOf(int slot, const double* column,
+                                const std::vector<nb::object>& arguments, size_t begin, size_t end,
+                                const std::vector<double>& scales, double* jacobians) const {
+  const ManifoldOps& manifold = *manifolds_[slot];
+  const size_t ambient = manifold.ambient, tangent = manifold.tangent, n = end - begin;
+  const size_t entries = dim(), stride = entries * tangent_width_;
+  std::vector<double> moved(n * ambient), values[2];
+  std::vector<uint8_t> present[2];
+  for (int side : {0, 1}) {
+    values[side].resize(n * entries);
+    present[side].resize(n);
+  }
+  for (size_t t = 0; t < tangent; ++t) {
+    double delta[kMaxTangent] = {};
     for (int side : {0, 1}) {
+      delta[t] = side == 0 ? -scales[t] : scales[t];
       for (size_t j = 0; j < n; ++j)
-        std::copy_n(rows.data() + j * width_ + first_[s], manifold.ambient,
-                    moved[side].data() + j * width_ + first_[s]);
+        manifold.plus(column + j * ambient, delta, moved.data() + j * ambient);
+      nb::list with_moved;
+      for (int s = 0; s < num_slots(); ++s)
+        with_moved.append(s == slot ? Argument(s, moved.data(), n) : arguments[s]);
+      ValuesOf(with_moved, n, values[side].data(), present[side].data());
+    }
+    for (size_t j = 0; j < n; ++j) {
+      double* out = jacobians + (begin + j) * stride + entries * first_tangent_[slot] + t;
+      const bool both = present[0][j] != 0 && present[1][j] != 0;
+      for (size_t k = 0; k < entries; ++k) {
+        const double change = values[1][j * entries + k] - values[0][j * entries + k];
+        out[k * tangent] = both ? change / (2.0 * scales[t]) : 0.0;
+      }
     }
   }
 }
 
-void PythonBatch::Derivatives(const std::vector<double>& rows, double* jacobians) const {
+// The step is that by which truncation and rounding are alike, in units of the numbers that a
+// coordinate moves.
+void PythonBatch::NumericDerivatives(const std::vector<double>& rows, Slots wanted,
+                                     double* jacobians) const {
+  // As many rows at a time as a processor's cache holds with what a function makes of them.
+  constexpr size_t kRowsAtATime = 4096;
+  const size_t n = rows.size() / width_;
+  const double relative = functions_.relative_step > 0.0
+                              ? functions_.relative_step
+                              : std::cbrt(std::numeric_limits<double>::epsilon());
+  const Columns columns = ColumnsOf(rows);
+  std::vector<std::vector<double>> scales(num_slots());
+  for (int s = 0; s < num_slots(); ++s) {
+    if (!(wanted >> s & 1)) continue;
+    scales[s] = Scales(s, columns[s]);
+    for (double& scale : scales[s]) scale *= relative;
+  }
+  for (size_t begin = 0; begin < n; begin += kRowsAtATime) {
+    const size_t end = std::min(begin + kRowsAtATime, n);
+    const auto from_begin = [&](int s) {
+      return columns[s].data() + begin * manifolds_[s]->ambient;
+    };
+    std::vector<nb::object> arguments;
+    for (int s = 0; s < num_slots(); ++s)
+      arguments.push_back(Argument(s, from_begin(s), end - begin));
+    for (int s = 0; s < num_slots(); ++s) {
+      if (wanted >> s & 1)
+        DifferencesOf(s, from_begin(s), arguments, begin, end, scales[s], jacobians);
+    }
+  }
+}
+
+void PythonBatch::Derivatives(const std::vector<double>& rows, Slots wanted,
+                              double* jacobians) const {
   if (functions_.derivatives.is_none()) {
-    NumericDerivatives(rows, jacobians);
+    NumericDerivatives(rows, wanted, jacobians);
   } else {
     GivenDerivatives(rows, jacobians);
   }
 }
 
-void PythonBatch::LineariseAll(const ParameterReader& parameters) const {
+void PythonBatch::LineariseAll(const ParameterReader& parameters, Slots wanted) const {
   const size_t n = size();
   Answers& all = linearised_;
   all.known.assign(n, 0);
@@ -187,11 +241,12 @@ void PythonBatch::LineariseAll(const ParameterReader& parameters) const {
   all.values.resize(n * dim());
   all.present.resize(n);
   all.jacobians.resize(n * dim() * tangent_width_);
+  linearised_slots_ |= wanted;
   for (size_t i = 0; i < n; ++i) Gather(i, parameters, all.parameters.data() + i * width_);
   {
     nb::gil_scoped_acquire locked;
     Values(all.parameters, all.values.data(), all.present.data());
-    Derivatives(all.parameters, all.jacobians.data());
+    Derivatives(all.parameters, linearised_slots_, all.jacobians.data());
   }
   all.known.assign(n, 1);
 }
@@ -199,9 +254,9 @@ void PythonBatch::LineariseAll(const ParameterReader& parameters) const {
 void PythonBatch::EvaluateRange(const ResidualRange& range, const ParameterReader& parameters,
                                 const ResidualPanel& panel) const {
   const std::lock_guard lock(mutex_);
-  const bool wants_jacobians =
-      std::any_of(panel.jacobians.begin(), panel.jacobians.begin() + num_slots(),
-                  [](const double* p) { return p != nullptr; });
+  Slots wanted = 0;
+  for (int s = 0; s < num_slots(); ++s) wanted |= panel.jacobians[s] != nullptr ? Slots{1} << s : 0;
+  const bool wants_jacobians = wanted != 0;
   std::vector<double> row(width_);
   const size_t jacobian_size = static_cast<size_t>(dim()) * tangent_width_;
   // Of a residual that is asked for alone, by its parameters: not part of a state.
@@ -214,9 +269,9 @@ void PythonBatch::EvaluateRange(const ResidualRange& range, const ParameterReade
   for (size_t j = 0; j < range.count; ++j) {
     const size_t i = range[j];
     Gather(i, parameters, row.data());
-    if (Knows(linearised_, i, row.data())) continue;
+    if ((wanted & ~linearised_slots_) == 0 && Knows(linearised_, i, row.data())) continue;
     if (!is_single && wants_jacobians) {
-      LineariseAll(parameters);
+      LineariseAll(parameters, wanted);
       break;
     }
     if (!wants_jacobians && Knows(tried_, i, row.data())) continue;
@@ -230,7 +285,7 @@ void PythonBatch::EvaluateRange(const ResidualRange& range, const ParameterReade
     Values(unknown_rows, values.data(), present.data());
     if (wants_jacobians) {
       own_jacobian.resize(unknown.size() * jacobian_size);
-      Derivatives(unknown_rows, own_jacobian.data());
+      Derivatives(unknown_rows, wanted, own_jacobian.data());
     }
   }
   if (!unknown.empty() && !wants_jacobians) {

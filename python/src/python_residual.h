@@ -45,17 +45,27 @@ class PythonBatch final : public ResidualBatch {
     std::vector<uint8_t> known, present;
     std::vector<double> jacobians;  // rows x dim x (tangents of all slots); empty: not asked
   };
+  // Numbers of each slot, one array each, of the rows of a list.
+  using Columns = std::vector<std::vector<double>>;
+  using Slots = uint32_t;  // a bit for each slot whose derivatives are wanted
 
   void Gather(size_t i, const ParameterReader& parameters, double* row) const;
   bool Knows(const Answers& answers, size_t at, const double* row) const;
   // With the lock; for the rows of a list.
   void Values(const std::vector<double>& rows, double* values, uint8_t* present) const;
-  void Derivatives(const std::vector<double>& rows, double* jacobians) const;
+  void ValuesOf(const nb::list& arguments, size_t n, double* values, uint8_t* present) const;
+  void Derivatives(const std::vector<double>& rows, Slots wanted, double* jacobians) const;
   void GivenDerivatives(const std::vector<double>& rows, double* jacobians) const;
-  void NumericDerivatives(const std::vector<double>& rows, double* jacobians) const;
+  void NumericDerivatives(const std::vector<double>& rows, Slots wanted, double* jacobians) const;
+  void DifferencesOf(int slot, const double* column, const std::vector<nb::object>& arguments,
+                     size_t begin, size_t end, const std::vector<double>& scales,
+                     double* jacobians) const;
+  std::vector<double> Scales(int slot, const std::vector<double>& column) const;
+  nb::object Argument(int slot, const double* column, size_t n) const;
+  Columns ColumnsOf(const std::vector<double>& rows) const;
   nb::list Arguments(const std::vector<double>& rows) const;
-  // Answers for a range of the whole batch, or of its own (`rows`: parameters of single residuals).
-  void LineariseAll(const ParameterReader& parameters) const;
+  // Answers for the whole batch, with derivatives by these slots and those that were wanted before.
+  void LineariseAll(const ParameterReader& parameters, Slots wanted) const;
 
   std::vector<const ManifoldOps*> manifolds_;
   std::vector<int> first_;          // of each slot in a row of parameters
@@ -64,6 +74,7 @@ class PythonBatch final : public ResidualBatch {
   Functions functions_;
   mutable std::mutex mutex_;
   mutable Answers linearised_, tried_;
+  mutable Slots linearised_slots_ = 0;
 };
 
 }  // namespace holba::python

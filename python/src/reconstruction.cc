@@ -112,6 +112,14 @@ void BindReconstruction(nb::module_& m) {
   model.def(
       "copy", [](const Reconstruction& self) { return Reconstruction(self); },
       "A model of its own, whose records lie one behind the other.");
+  model.def(
+      "show",
+      [](nb::object self, const nb::kwargs& options) {
+        return nb::module_::import_("holba._show").attr("show")(self, **options);
+      },
+      nb::arg("options"), nb::sig("def show(self, **options: typing.Any) -> typing.Any"),
+      "The page of the model in a frame, in a notebook: holba.show(model, ...), which has the "
+      "options.");
   model.def("__copy__", [](const Reconstruction& self) { return Reconstruction(self); });
   model.def(
       "__deepcopy__", [](const Reconstruction& self, nb::object) { return Reconstruction(self); },

@@ -19,8 +19,7 @@ double RootMeanSquare(const typename G::Params& g, const std::vector<Eigen::Vect
 
 template <typename G>
 class MinimalFit : public ::testing::Test {};
-using PointFits = ::testing::Types<Plane, Sphere, Cylinder, Cone, Ellipsoid, Cuboid>;
-TYPED_TEST_SUITE(MinimalFit, PointFits);
+TYPED_TEST_SUITE(MinimalFit, TestedPointGroups);
 
 TYPED_TEST(MinimalFit, PassesThroughAMinimalSample) {
   using G = TypeParam;

@@ -44,6 +44,13 @@ concept HasLineJacobian = requires(const double* g, const Eigen::Vector3d& v, do
   { G::ProjectLineWithJacobian(g, v, v, J, J) } -> std::same_as<std::optional<Vector6d>>;
 };
 
+// A curve has `static double TubeRadius(const double* g)`: its mesh is a tube of that radius about
+// it, as triangles of a curve itself would be slivers.
+template <typename G>
+concept IsCurve = requires(const double* g) {
+  { G::TubeRadius(g) } -> std::same_as<double>;
+};
+
 // d_point 3x3, d_group 3 x kAmbient, row-major.
 template <ProjectsPoints G>
 std::optional<Eigen::Vector3d> ProjectPointByDuals(const double* g, const Eigen::Vector3d& X,

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <optional>
+#include <type_traits>
 #include <vector>
 
 #include "holba/base/random.h"
@@ -25,6 +26,21 @@ struct AsTestTypes<GroupTypeList<Types...>> {
   using type = ::testing::Types<Types...>;
 };
 using TestedGroups = AsTestTypes<GroupTypes>::type;
+
+// Of these the types that points lie on.
+template <typename List, typename... Chosen>
+struct PointTypesOf;
+template <typename... Chosen>
+struct PointTypesOf<GroupTypeList<>, Chosen...> {
+  using type = ::testing::Types<Chosen...>;
+};
+template <typename First, typename... Rest, typename... Chosen>
+struct PointTypesOf<GroupTypeList<First, Rest...>, Chosen...> {
+  using type = std::conditional_t<ProjectsPoints<First>,
+                                  PointTypesOf<GroupTypeList<Rest...>, Chosen..., First>,
+                                  PointTypesOf<GroupTypeList<Rest...>, Chosen...>>::type;
+};
+using TestedPointGroups = PointTypesOf<GroupTypes>::type;
 
 // Equal up to an absolute tolerance in every coefficient.
 MATCHER_P2(EigenNear, expected, tolerance, "") {

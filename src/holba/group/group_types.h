@@ -7,12 +7,14 @@
 #include <array>
 #include <functional>
 
+#include "holba/group/bezier_curve.h"
 #include "holba/group/cone.h"
 #include "holba/group/cuboid.h"
 #include "holba/group/cylinder.h"
 #include "holba/group/ellipsoid.h"
 #include "holba/group/plane.h"
 #include "holba/group/sphere.h"
+#include "holba/group/torus.h"
 #include "holba/group/vanishing_point.h"
 
 namespace holba {
@@ -30,7 +32,9 @@ using GroupTypes = GroupTypeList<
     Cylinder,
     Cone,
     Ellipsoid,
-    Cuboid>;
+    Cuboid,
+    Torus,
+    BezierCurve>;
 // clang-format on
 
 static_assert(std::ranges::adjacent_find(GroupTypes::kCodes, std::ranges::greater_equal()) ==

@@ -50,13 +50,18 @@ double Distance(const Cuboid&, const std::vector<double>& p, const Eigen::Vector
   }
   return least;
 }
+double Distance(const Torus&, const std::vector<double>& p, const Eigen::Vector3d& X) {
+  const Eigen::Vector3d u = X - At(p, 0);
+  const double h = u.dot(At(p, 3));
+  return std::hypot(u.cross(At(p, 3)).norm() - p[6], h) - p[7];
+}
 
 template <typename G>
 class Surface : public ::testing::Test {
  protected:
   Random random_{5};
 };
-using Surfaces = ::testing::Types<Plane, Sphere, Cylinder, Cone, Ellipsoid, Cuboid>;
+using Surfaces = ::testing::Types<Plane, Sphere, Cylinder, Cone, Ellipsoid, Cuboid, Torus>;
 TYPED_TEST_SUITE(Surface, Surfaces);
 
 TYPED_TEST(Surface, HoldsTheProjectedPointAtTheDistanceOfItsEquation) {
@@ -75,7 +80,7 @@ TYPED_TEST(Surface, HoldsTheProjectedPointAtTheDistanceOfItsEquation) {
 
 template <typename G>
 class NearestSurface : public Surface<G> {};
-using NearestSurfaces = ::testing::Types<Plane, Sphere, Cylinder, Cone>;
+using NearestSurfaces = ::testing::Types<Plane, Sphere, Cylinder, Cone, Torus, BezierCurve>;
 TYPED_TEST_SUITE(NearestSurface, NearestSurfaces);
 
 TYPED_TEST(NearestSurface, HasNoPointNearerThanTheProjection) {

@@ -3,6 +3,7 @@
 // type, names with blanks, reals of all magnitudes. Geometry is arbitrary: residuals mean nothing.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -18,10 +19,10 @@
 namespace holba {
 
 struct RandomModelOptions {
-  bool with_rigs = true;       // rig files, two cameras and an IMU in a rig
-  bool with_structure = true;  // lines, groups, wireframe, relations
+  bool with_rigs = true;           // rig files, two cameras and an IMU in a rig
+  bool with_structure = true;      // lines, groups, wireframe, relations
   bool with_unregistered = false;  // images without a pose
-  bool extreme_reals = true;   // some of -0, the least and the greatest numbers
+  bool extreme_reals = true;       // some of -0, the least and the greatest numbers
 };
 
 namespace random_model_internal {
@@ -36,8 +37,8 @@ inline Rigid3d Pose(Random& random) {
   return {q.normalized(), Vector(random)};
 }
 
-// Plain parameters of a valid group; types that are not listed are fitted to a random minimal
-// sample.
+// Plain parameters of a valid group; of types that are not listed they are drawn until the type
+// takes them.
 inline std::vector<double> GroupParams(Random& random, const GroupType& type) {
   const Eigen::Vector3d u = Vector(random).normalized(), p = Vector(random), m = p.cross(u);
   const Eigen::Quaterniond q = Pose(random).rotation;
@@ -54,17 +55,16 @@ inline std::vector<double> GroupParams(Random& random, const GroupType& type) {
   const auto found = known.find(type.name);
   if (found != known.end()) return found->second;
   for (int trial = 0; trial < 1000; ++trial) {
-    std::vector<Eigen::Vector3d> points;
-    std::vector<PlueckerLine> lines;
-    for (int i = 0; i < type.min_points; ++i) points.push_back(Vector(random));
-    for (int i = 0; points.empty() && i < type.min_lines; ++i) {
-      lines.push_back(PlueckerLine::FromPointDirection(Vector(random), Vector(random)));
+    std::vector<double> plain(type.num_file_params);
+    for (double& x : plain) x = random.Normal();
+    // A direction among them is one only where it is made unit.
+    const size_t axis = type.file_params.find("dx dy dz");
+    if (axis != std::string_view::npos) {
+      const auto first = std::count(type.file_params.begin(), type.file_params.begin() + axis, ' ');
+      std::copy_n(u.data(), 3, plain.begin() + first);
     }
     double g[kMaxGroupParams];
-    if (!type.fit_minimal(points, lines, g)) continue;
-    std::vector<double> plain(type.num_file_params);
-    type.to_file(g, plain.data());
-    return plain;
+    if (type.from_file(plain.data(), g)) return plain;
   }
   HOLBA_CHECK_MSG(false, "add an example of this group type to random_model.h");
   return {};

@@ -68,7 +68,8 @@ Eigen::Quaterniond RandomRotation(Random* random) {
 std::vector<const GroupType*> PrimitiveTypes() {
   std::vector<const GroupType*> types;
   for (const GroupType* type : AllGroupTypes()) {
-    if (type->TakesPoints() && !IsPlane(*type)) types.push_back(type);
+    Random random(0);
+    if (type->TakesPoints() && !IsPlane(*type) && DrawShape(*type, &random)) types.push_back(type);
   }
   return types;
 }
