@@ -80,7 +80,7 @@ void RunCommand(const Command& command, const std::vector<std::string>& argument
     ranks::StopAllButFirst();
     throw InputError(
         fmt::format("a launcher has started {} processes, and 'holba {}' runs in one; "
-                    "start it without mpirun",
+                    "expected a start without mpirun",
                     ranks::LaunchedSize(), command.name));
   }
   const Invocation invocation{.json = common.json, .quiet = common.quiet};

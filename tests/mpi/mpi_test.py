@@ -96,7 +96,7 @@ class Mpi(unittest.TestCase):
         self.assertEqual(done.stderr.count("expected --Solver.backend petsc"), 1, done.stderr)
         done = run(2, "evaluate", "--input_path", self.input)
         self.assertEqual(done.returncode, 1)
-        self.assertEqual(done.stderr.count("start it without mpirun"), 1, done.stderr)
+        self.assertEqual(done.stderr.count("expected a start without mpirun"), 1, done.stderr)
 
     def test_options_reach_petsc_and_misspelt_ones_are_named(self):
         done = self.adjust(0, self.folder / "options", "--json", "--petsc=-mat_type aij -pc_type asm -pc_tipe x")

@@ -150,7 +150,7 @@ std::string UnusedPetscOptions() {
 #else
 
 void Begin(const std::string&) {
-  throw InputError("this holba was built without PETSC; build it with -DHOLBA_WITH_PETSC=ON");
+  throw InputError("this holba was built without PETSc; make one with -DHOLBA_WITH_PETSC=ON");
 }
 bool HasBegun() { return false; }
 int Rank() { return 0; }

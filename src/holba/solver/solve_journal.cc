@@ -228,8 +228,9 @@ std::optional<SolveJournal::Record> SolveJournal::Read(const std::string& name) 
   uint64_t size = 0, hash = 0;
   const size_t header = kMagic.size() + sizeof(size) + sizeof(hash);
   if (!rest.starts_with(kMagic.substr(0, rest.size()))) {
-    throw InputError(store_.folder / name,
-                     "this is no checkpoint of this version of holba; leave out --resume");
+    throw InputError(
+        store_.folder / name,
+        "this is no checkpoint of this version of holba; remove it, or leave out --resume");
   }
   if (rest.size() >= header) {
     Reader reader(rest.substr(kMagic.size()));

@@ -11,7 +11,7 @@ namespace holba::distributed {
 namespace {
 
 // Gradient, diagonal and reduction (DistributedSystem::Assemble).
-constexpr size_t kVectors = 3;
+constexpr size_t kVectorsSent = 3;
 
 size_t Between(const std::vector<size_t>& offset, const std::vector<size_t>& of_part, int part) {
   return offset[of_part[part + 1]] - offset[of_part[part]];
@@ -67,7 +67,7 @@ std::vector<RankCounts> CountRanks(const Problem& problem, int num_ranks) {
       neighbours[to].insert(rank);
       c.shared_unknowns += entries;
       c.messages += blocks > 0 ? 2 : 1;
-      c.bytes += sizeof(double) * (blocks + kVectors * entries);
+      c.bytes += sizeof(double) * (blocks + kVectorsSent * entries);
       // The step comes back from its owner.
       ++counts[to].messages;
       counts[to].bytes += sizeof(double) * entries;
