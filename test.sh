@@ -1,14 +1,25 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 # Installs what is missing, builds everything and runs all tests. Arguments go to ctest: ./test.sh -R io/
-# With --all first the Python package is built and tested, too (python/test.sh: some minutes more).
+# With --all the Python package (python/test.sh) and the optional parts of the build (HOLBA_WITH_PETSC) with what these
+# need are built and tested, too: some minutes more.
 set -euo pipefail
+all=no
 if [[ ${1:-} == --all ]]; then
   shift
+  all=yes
   "$(dirname "${BASH_SOURCE[0]}")/python/test.sh" "$@"
 fi
 source "$(dirname "${BASH_SOURCE[0]}")/cmake/setup.sh"
 holba_install_packages "${holba_build_packages[@]}" "${holba_test_packages[@]}"
+options=(-DHOLBA_BUILD_TESTS=ON)
+if [[ $all == yes ]]; then
+  if holba_install_packages "${holba_optional_packages[@]}"; then
+    options+=(-DHOLBA_WITH_PETSC=ON)
+  else
+    echo "No ${holba_optional_packages[*]}: the backend petsc is neither built nor tested." >&2
+  fi
+fi
 # What tests the viewer: any Node, npm and chromium that are there will do. Without them those tests say that they are skipped.
 viewer_packages=()
 command -v node >/dev/null || viewer_packages+=(nodejs)
@@ -18,7 +29,7 @@ command -v chromium >/dev/null || command -v chromium-browser >/dev/null || comm
 if ((${#viewer_packages[@]} > 0)); then
   holba_install_packages "${viewer_packages[@]}" || echo "No ${viewer_packages[*]}: tests of the viewer are skipped." >&2
 fi
-holba_configure_and_build -DHOLBA_BUILD_TESTS=ON
+holba_configure_and_build "${options[@]}"
 # The tests of ONNX models need a runtime, which only PyPI has for Debian 12. Without it they say that they are skipped.
 holba_find_onnxruntime() {
   compgen -G "$holba_build/onnxruntime/lib/python3*/site-packages/onnxruntime/capi/libonnxruntime.so*" | head -n 1

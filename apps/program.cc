@@ -20,6 +20,7 @@
 #include "holba/base/printable.h"
 #include "holba/base/progress.h"
 #include "holba/base/temporary_paths.h"
+#include "holba/solver/ranks.h"
 
 namespace holba {
 namespace {
@@ -27,6 +28,8 @@ namespace {
 constexpr int kDone = 0;
 constexpr int kBadInput = 1;
 constexpr int kInternalError = 2;
+// The command whose work several processes share.
+constexpr std::string_view kCommandOnRanks = "adjust";
 
 // Runs `action` and turns what it throws into one message on stderr and an exit status.
 template <typename Action>
@@ -36,6 +39,8 @@ int Guarded(const std::string& who, const Action& action) {
   try {
     action();
     return kDone;
+  } catch (const ranks::StoppedElsewhere&) {
+    return kBadInput;  // the rank that failed says why
   } catch (const InputError& error) {
     message = error.what();
     status = kBadInput;
@@ -59,6 +64,7 @@ int Guarded(const std::string& who, const Action& action) {
   while (Interrupted()) pause();
   std::fflush(stdout);
   std::fputs(fmt::format("{}: {}\n", who, Printable(message)).c_str(), stderr);
+  ranks::EndAll(status);
   return status;
 }
 
@@ -71,6 +77,13 @@ void RunCommand(const Command& command, const std::vector<std::string>& argument
   if (common.help != HelpForm::kNone) return PrintResult(CommandHelp(command, common.help));
   SetLogLevel(common.quiet ? std::max(LogLevel::kError, common.log_level) : common.log_level);
   if (const char* core = std::getenv("OPENBLAS_CORETYPE")) LogDebug("OPENBLAS_CORETYPE={}", core);
+  if (ranks::LaunchedSize() > 1 && command.name != kCommandOnRanks) {
+    ranks::StopAllButFirst();
+    throw InputError(
+        fmt::format("a launcher has started {} processes, and 'holba {}' runs in one; "
+                    "expected a start without mpirun",
+                    ranks::LaunchedSize(), command.name));
+  }
   ShowProgress(!common.quiet);
   const Invocation invocation{.json = common.json};
   job->ProbeOutputs(invocation);

@@ -79,6 +79,22 @@ std::string ChoiceToText(const WeightChoice& choice) {
 
 }  // namespace
 
+// Of each process of an adjustment that several share; empty: it was one.
+json RanksToJson(std::span<const RankShare> ranks) {
+  json list = json::array();
+  for (const RankShare& rank : ranks) {
+    list.push_back({{"work", rank.work},
+                    {"features", rank.features},
+                    {"residuals", rank.residuals},
+                    {"kept_unknowns", rank.kept_unknowns},
+                    {"shared_unknowns", rank.shared_unknowns},
+                    {"messages_per_iteration", rank.messages_per_iteration},
+                    {"bytes_per_iteration", rank.bytes_per_iteration},
+                    {"peak_memory_mb", rank.peak_memory_mb}});
+  }
+  return list;
+}
+
 json SummaryToJson(const BundleSummary& summary) {
   const SolverSummary& s = summary.solver;
   json terms = json::object();
@@ -143,6 +159,7 @@ json SummaryToJson(const BundleSummary& summary) {
             {"density", s.reduced_system.density},
             {"pose_density", s.reduced_system.pose_density},
             {"pose_density_without_wireframe", s.reduced_system.pose_density_without_wireframe}}},
+          {"ranks", RanksToJson(s.ranks)},
           {"peak_memory_mb", PeakMemoryMb()}};
 }
 

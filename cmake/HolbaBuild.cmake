@@ -254,6 +254,29 @@ function(holba_test name)
   set_tests_properties(${name} PROPERTIES TIMEOUT 600)
 endfunction()
 
+# holba_test_on_ranks(room/name [DISABLED names...]): runs this test under mpirun with 2, 3 and 4 ranks, too, on a
+# machine of fewer cores and as root in a container as well (docs/mpi.md). DISABLED: instances of disabled tests, each of
+# which gets processes of its own, three of them.
+function(holba_test_on_ranks name)
+  cmake_parse_arguments(ARG "" "" "DISABLED" ${ARGN})
+  string(REPLACE "/" "_" target ${name})
+  foreach(ranks 2 3 4)
+    set(run ${MPIEXEC_EXECUTABLE} --oversubscribe ${MPIEXEC_NUMPROC_FLAG} ${ranks} $<TARGET_FILE:${target}>)
+    set(tests ${name}_${ranks})
+    add_test(NAME ${name}_${ranks} COMMAND ${run})
+    foreach(instance ${ARG_DISABLED})
+      if(NOT ranks EQUAL 3)
+        continue()
+      endif()
+      list(APPEND tests ${name}_${ranks}_${instance})
+      add_test(NAME ${name}_${ranks}_${instance}
+               COMMAND ${run} --gtest_also_run_disabled_tests --gtest_filter=*DISABLED*/${instance})
+    endforeach()
+    set_tests_properties(${tests} PROPERTIES TIMEOUT 600 PROCESSORS 2 ENVIRONMENT
+      "OMPI_ALLOW_RUN_AS_ROOT=1;OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1;OMPI_MCA_btl_base_warn_component_unused=0")
+  endforeach()
+endfunction()
+
 # Folder of real image sets and adjustment problems; tests that need it are skipped, and say so, where it is missing.
 set(HOLBA_DATA_DIR ${PROJECT_SOURCE_DIR}/../shared/data CACHE PATH "Folder of real data for the tests.")
 

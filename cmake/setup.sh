@@ -17,6 +17,9 @@ holba_build_packages=(
 # The outside check of our files, and the compiler of the fuzzers.
 holba_test_packages=(colmap clang)
 
+# What ./test.sh --all adds: the backend petsc, for adjustments that many processes share.
+holba_optional_packages=(petsc-dev libopenmpi-dev openmpi-bin)
+
 # Installs those of the packages $@ that are missing; nothing, and no rights needed, when all are there.
 holba_install_packages() {
   if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then

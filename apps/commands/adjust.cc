@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // holba adjust: holistic bundle adjustment of a model, or of a BAL problem.
+#include <optional>
 #include <string>
 
+#include "apps/adjust/checkpoint.h"
 #include "apps/command.h"
 #include "apps/report.h"
 #include "holba/base/error.h"
@@ -11,6 +13,7 @@
 #include "holba/io/bal.h"
 #include "holba/io/files.h"
 #include "holba/io/model_io.h"
+#include "holba/solver/ranks.h"
 
 namespace holba {
 namespace {
@@ -31,30 +34,61 @@ class AdjustJob : public Job {
                  "Text file of directions of groups measured in images, lines of IMAGE_ID "
                  "GROUP3D_ID DX DY DZ SIGMA_DEG "
                  "(camera frame).");
+    table
+        ->Field("checkpoint_path", &checkpoint_path_,
+                "Folder that keeps the state of the adjustment while it runs, for --resume.")
+        .Advanced();
+    table
+        ->Field("checkpoint_iterations", &checkpoint_iterations_, AtLeast(1),
+                "Iterations from one state that is kept to the next.")
+        .Advanced();
+    table
+        ->Field("resume", &resume_,
+                "Whether to go on from what --checkpoint_path holds; the result is that of an "
+                "adjustment that was never stopped.")
+        .Advanced();
+    table
+        ->Field("petsc", &solver_.petsc_options,
+                "Options of PETSc's solvers, as on its command line, for the backend petsc (where "
+                "this build has it): --petsc=\"-pc_type asm\".")
+        .Advanced();
     read_.Describe(table);
     bundle_.Describe(table);
     solver_.Describe(table);
   }
 
   void ProbeOutputs(const Invocation&) const override {
-    if (IsBal()) {
-      ProbeFile(output_path_);
-    } else {
-      ProbeModelFolder(output_path_);
-    }
-    ProbeResult();
+    BeginRanks();
+    ranks::OnFirst([&] {
+      if (IsBal()) {
+        ProbeFile(output_path_);
+      } else {
+        ProbeModelFolder(output_path_);
+      }
+      if (!checkpoint_path_.empty()) ProbeFolder(checkpoint_path_, [](auto) { return false; });
+      ProbeResult();
+    });
   }
 
+  // Every rank does all of this with the same model. The first one speaks and writes.
   void Run(const Invocation& invocation) override {
     const bool is_bal = IsBal();
-    Reconstruction model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_, read_);
+    Reconstruction model;
     std::vector<GroupMeasurement> measurements;
-    if (!measurements_path_.empty())
-      measurements = ReadGroupMeasurements(measurements_path_, model);
-
-    RefuseWithoutResiduals(input_path_, model);
+    ranks::Together([&] {
+      model = is_bal ? ReadBal(input_path_) : ReadModel(input_path_, read_);
+      if (!measurements_path_.empty())
+        measurements = ReadGroupMeasurements(measurements_path_, model);
+      RefuseWithoutResiduals(input_path_, model);
+    });
     WarnOfDoubts("Before the adjustment", model);
     bundle_.SetDefaultLosses(is_bal);
+    std::optional<SolveJournal> journal;
+    if (!checkpoint_path_.empty()) {
+      if (!resume_) RemoveCheckpoint(checkpoint_path_);
+      journal.emplace(CheckpointStore(checkpoint_path_), checkpoint_iterations_, resume_);
+      solver_.journal = &*journal;
+    }
     solver_.analyse_reduced_system = true;
     solver_.on_iteration = [](const IterationRecord& record) {
       if (record.iteration == 0) LogInfo("{}", IterationHeader(record));
@@ -64,24 +98,56 @@ class AdjustJob : public Job {
     const BundleSummary summary =
         AdjustBundle(bundle_, solver_, &model, measurements,
                      [](const std::string& text) { LogInfo("{}", text); });
-    if (NothingWasAdjusted(summary)) throw InputError(input_path_, WhyNothingIsLeft(model));
+    ranks::Together([&] {
+      if (NothingWasAdjusted(summary)) throw InputError(input_path_, WhyNothingIsLeft(model));
+    });
     WarnOfWhatWasHeld(summary);
     WarnOfDoubts("After the adjustment", model);
+    WarnOfUnusedPetscOptions();
 
-    if (is_bal) {
-      WriteBal(model, output_path_);
-    } else {
-      WriteModel(model, output_path_, format_);
-    }
-    PrintResult(invocation.json ? JsonText(SummaryToJson(summary)) : SummaryToText(summary));
+    ranks::OnFirst([&] {
+      if (is_bal) {
+        WriteBal(model, output_path_);
+      } else {
+        WriteModel(model, output_path_, format_);
+      }
+      PrintResult(invocation.json ? JsonText(SummaryToJson(summary)) : SummaryToText(summary));
+    });
+    if (journal) RemoveCheckpoint(checkpoint_path_);
   }
 
  private:
+  void BeginRanks() const {
+    if (resume_ && checkpoint_path_.empty())
+      throw InputError(
+          "--resume goes on from a checkpoint; give its folder with --checkpoint_path");
+    if (solver_.backend == Backend::kPetsc) {
+      ranks::Begin(solver_.petsc_options);
+    } else if (ranks::LaunchedSize() > 1) {
+      ranks::StopAllButFirst();
+      throw InputError(
+          fmt::format("a launcher has started {} processes, and this solver runs in one; expected "
+                      "--Solver.backend petsc",
+                      ranks::LaunchedSize()));
+    } else if (!solver_.petsc_options.empty()) {
+      throw InputError("--petsc is for PETSc's solvers; give --Solver.backend petsc with it");
+    }
+    if (ranks::Rank() > 0) SetLogLevel(LogLevel::kError);
+  }
+
+  static void WarnOfUnusedPetscOptions() {
+    const std::string unused = ranks::UnusedPetscOptions();
+    if (!unused.empty()) LogWarning("PETSc has used no option of the name {}", unused);
+  }
+
   bool IsBal() const { return IsReadAsBal(input_path_); }
 
   std::string input_path_;
   std::string output_path_;
   std::string measurements_path_;
+  std::string checkpoint_path_;
+  int checkpoint_iterations_ = 10;
+  bool resume_ = false;
   ModelFormat format_ = ModelFormat::kBinary;
   ReadModelOptions read_;
   BundleOptions bundle_;

@@ -17,7 +17,7 @@
 namespace holba {
 
 // Cameras on an arc around a cloud of points. The first pose is held and one coordinate of the last
-// one's translation.
+// one's translation. With a `window` each point is seen by so many neighbouring cameras only.
 struct SmallBundle {
   Problem problem;
   std::vector<double> truth;
@@ -25,7 +25,8 @@ struct SmallBundle {
   BlockId camera;
 
   explicit SmallBundle(double noise_px, bool refine_focal_length = true,
-                       LossType loss = LossType::kTrivial, int num_points = 40, int num_poses = 6) {
+                       LossType loss = LossType::kTrivial, int num_points = 40, int num_poses = 6,
+                       int window = 0) {
     Random random(11);
     const CameraModel& model = *FindCameraModel("PINHOLE");
     const std::vector<double> params{700, 720, 500, 480};
@@ -47,7 +48,10 @@ struct SmallBundle {
     for (int k = 0; k < num_points; ++k) {
       const double X[3] = {random.Uniform(-2, 2), random.Uniform(-2, 2), random.Uniform(-2, 2)};
       points.push_back(problem.AddBlock("point", OpsOf<Euclidean<3>>(), BlockRole::kFeature, X));
-      for (BlockId pose : poses) {
+      const int first = window > 0 ? k % (num_poses - window + 1) : 0;
+      const int end = window > 0 ? first + window : num_poses;
+      for (int i = first; i < end; ++i) {
+        const BlockId pose = poses[i];
         PointInImage image;
         EXPECT_TRUE(ProjectPoint(model, nullptr, problem.values(pose), params.data(),
                                  {X[0], X[1], X[2]}, &image));

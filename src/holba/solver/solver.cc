@@ -2,26 +2,24 @@
 #include "holba/solver/solver.h"
 
 #include <algorithm>
+#include <optional>
+#include <utility>
 
 #include "holba/base/check.h"
-#if HOLBA_WITH_CERES
-#include "holba/solver/ceres/ceres_backend.h"
+#include "holba/solver/backend.h"
+#include "holba/solver/native/native_workspace.h"
+#if HOLBA_WITH_PETSC
+#include "holba/solver/petsc/petsc_backend.h"
 #endif
-#include "holba/solver/native/native_backend.h"
+#include "holba/solver/solve_journal.h"
 
 namespace holba {
 
 void SolverOptions::Describe(OptionTable* table) const {
   table->Section("Solver");
-  table->Choice("backend", &backend,
-                {
-                  {"native", Backend::kNative},
-#if HOLBA_WITH_CERES
-                      {"ceres", Backend::kCeres},
-#endif
-                },
-                "Which solver does the work.")
-      .Basic();
+  std::vector<std::pair<std::string, Backend>> backends;
+  for (const BackendEntry& entry : AllBackends()) backends.emplace_back(entry.name, entry.backend);
+  table->Choice("backend", &backend, backends, "Which solver does the work.").Basic();
   table->Choice("linear_solver", &linear_solver,
                 {{"auto", LinearSolver::kAuto},
                  {"dense", LinearSolver::kDense},
@@ -50,12 +48,14 @@ void SolverOptions::Describe(OptionTable* table) const {
                  {"lapack", CeresDenseLibrary::kLapack}},
                 "Factorisation of the backend ceres with a dense reduced system; auto: LAPACK from "
                 "600 unknowns on.");
-  table->Field("num_threads", &num_threads, AtLeast(-1),
-               "Threads; -1: one per hardware thread (Ceres itself: 1, since with more its sums "
-               "change in the last digits).")
+  table
+      ->Field("num_threads", &num_threads, AtLeast(-1),
+              "Threads; -1: one per hardware thread (Ceres itself: 1, since with more its sums "
+              "change in the last digits).")
       .Basic();
-  table->Field("max_num_iterations", &max_num_iterations, AtLeast(0),
-               "Most iterations of one round (losses auto and the gate take several).")
+  table
+      ->Field("max_num_iterations", &max_num_iterations, AtLeast(0),
+              "Most iterations of one round (losses auto and the gate take several).")
       .Basic();
   table->Field("max_linear_solver_iterations", &max_linear_solver_iterations, AtLeast(1),
                "Most conjugate gradient steps of the iterative solver in one iteration.");
@@ -108,24 +108,29 @@ NativeWorkspace& SolverWorkspace::Native() {
   if (native_ == nullptr) native_ = std::make_unique<NativeWorkspace>();
   return *native_;
 }
+#if HOLBA_WITH_PETSC
+PetscWorkspace& SolverWorkspace::Petsc() {
+  if (petsc_ == nullptr) petsc_ = std::make_shared<PetscWorkspace>();
+  return *petsc_;
+}
+#endif
 
 SolverSummary Solve(const SolverOptions& options, Problem* problem, SolverWorkspace* workspace) {
-  SolverSummary summary;
-  switch (options.backend) {
-    case Backend::kNative: {
-      SolverWorkspace own;
-      summary = SolveNatively(options, problem, &(workspace ? workspace : &own)->Native());
-      break;
-    }
-    case Backend::kCeres:
-#if HOLBA_WITH_CERES
-      summary = SolveWithCeres(options, problem);
-#else
-      HOLBA_CHECK_MSG(false, "this build has no Ceres (HOLBA_WITH_CERES)");
-#endif
-      break;
-  }
+  SolverWorkspace own;
+  const auto backends = AllBackends();
+  const auto entry = std::find_if(backends.begin(), backends.end(), [&](const BackendEntry& e) {
+    return e.backend == options.backend;
+  });
+  HOLBA_CHECK_MSG(entry != backends.end(), "this build has no such backend");
+  std::optional<SolverSummary> done;
+  if (options.journal != nullptr) done = options.journal->Begin(problem);
+  if (done) return std::move(*done);
+  SolverSummary summary = entry->solve(options, problem, workspace ? workspace : &own);
   if (options.analyse_reduced_system) summary.reduced_system = AnalyseReducedSystem(*problem);
+  // What was stopped from outside is not done.
+  const bool finished =
+      summary.stop_reason != StopReason::kCallback && summary.stop_reason != StopReason::kMaxTime;
+  if (options.journal != nullptr && finished) options.journal->End(*problem, summary);
   return summary;
 }
 

@@ -13,8 +13,11 @@
 namespace holba {
 
 class NativeWorkspace;
+class PetscWorkspace;
+class SolveJournal;
 
-enum class Backend { kNative, kCeres };
+// kPetsc: in all processes of a job together (docs/mpi.md), where the build has it.
+enum class Backend { kNative, kCeres, kPetsc };
 // How the reduced system is solved; automatic: native by the least predicted work, Ceres by the
 // number of frames (COLMAP's bounds).
 enum class LinearSolver { kAuto, kDense, kSparse, kIterative };
@@ -46,6 +49,8 @@ struct SolverOptions {
   // Forcing term of the iterative solver (ConjugateGradientsOptions::eta).
   double eta = 0.1;
   CeresDenseLibrary ceres_dense_library = CeresDenseLibrary::kAuto;
+  // Options of PETSc's solvers, as on its command line; of the backend petsc.
+  std::string petsc_options;
   int num_threads = -1;
   int max_num_iterations = 100;
   int max_linear_solver_iterations = 200;
@@ -59,6 +64,8 @@ struct SolverOptions {
 
   // Whether the summary has all of reduced_system, or only its size.
   bool analyse_reduced_system = false;
+  // Remembers solves that are done and the state of the one that is under way (solve_journal.h).
+  SolveJournal* journal = nullptr;
   // Called after every iteration; return false to stop there.
   std::function<bool(const IterationRecord&)> on_iteration;
 
@@ -67,6 +74,16 @@ struct SolverOptions {
 
 enum class StopReason { kConverged, kMaxIterations, kMaxTime, kNoStep, kCallback, kNothingToDo };
 std::string NameOf(StopReason reason);
+
+// The part of one process in a solve that several of them share.
+struct RankShare {
+  double work = 0.0;  // predicted share of the work of an iteration, over the mean of all ranks
+  size_t features = 0, residuals = 0;
+  size_t kept_unknowns = 0;    // whose rows of the reduced system it owns
+  size_t shared_unknowns = 0;  // of other ranks' rows that its features touch
+  double messages_per_iteration = 0.0, bytes_per_iteration = 0.0;  // that it sends
+  double peak_memory_mb = 0.0;                                     // of the whole process
+};
 
 struct SolverSummary {
   std::string backend;
@@ -84,6 +101,7 @@ struct SolverSummary {
          factorise_seconds = -1.0, back_substitute_seconds = -1.0, total_seconds = 0.0;
   std::vector<double> iteration_seconds;  // of each step tried
   ReducedSystem reduced_system;
+  std::vector<RankShare> ranks;  // empty: one process has solved it alone
 
   double MedianIterationSeconds() const;
 };
@@ -101,9 +119,11 @@ class SolverWorkspace {
   ~SolverWorkspace();
 
   NativeWorkspace& Native();  // of the native backend; made on first use
+  PetscWorkspace& Petsc();    // of the backend petsc
 
  private:
   std::unique_ptr<NativeWorkspace> native_;
+  std::shared_ptr<PetscWorkspace> petsc_;  // shared: its type is known where the build has it
 };
 
 // Minimises the cost from problem->state() on and leaves the best state found there.

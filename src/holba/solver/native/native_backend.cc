@@ -1,195 +1,56 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "holba/solver/native/native_backend.h"
 
-#include <algorithm>
-#include <cmath>
-#include <optional>
-#include <string>
 #include <vector>
 
-#include "holba/base/timer.h"
+#include "holba/solver/native/levenberg_marquardt.h"
 #include "holba/solver/native/solve_log.h"
 
 namespace holba {
 namespace {
 
-using native::Linearisation;
-using native::NormalEquations;
-using native::SolveLog;
-using native::StateCost;
-using native::StepSolver;
-using native::Stop;
-using native::Trial;
-
-// As in Ceres. A step is accepted if its gain ratio, the decrease of the cost over the decrease
-// that the linear model predicts, exceeds kMinGainRatio.
-constexpr double kMinGainRatio = 1e-3;
-constexpr double kMinRadius = 1e-32;  // no step of this trust region can change the state
-constexpr double kMaxRadius = 1e16;
-
-Stop Converged(std::string message) { return {StopReason::kConverged, std::move(message)}; }
-
-// Levenberg-Marquardt (Marquardt 1963), with the trust region of Ceres.
-class LevenbergMarquardt {
+class NativeProblem final : public native::LinearisedProblem {
  public:
-  LevenbergMarquardt(const SolverOptions& options, Problem* problem, NativeWorkspace* workspace,
-                     SolveLog* log)
-      : options_(options),
-        problem_(problem),
+  NativeProblem(Problem* problem, NativeWorkspace* workspace)
+      : problem_(problem),
         equations_(workspace->equations()),
         step_solver_(workspace->step_solver()),
-        log_(*log),
-        radius_(options.initial_trust_radius),
         step_(equations_.pattern().num_unknowns) {}
 
-  void Minimise() {
-    Start();
-    while (!Finished()) {
-      log_.BeginIteration();
-      if (!linearised_) Linearise();
-      ComputeStep();
-      const std::optional<Stop> stop = IsGood() ? AcceptStep() : RejectStep();
-      EndIteration(stop);
-    }
+  bool IsEmpty() const override {
+    return equations_.structure().num_nodes() == 0 && equations_.structure().features.empty();
   }
-
-  const StateCost& cost() const { return here_.cost; }
-  const Stop& stop() const { return *stop_; }
+  void Linearise(double radius, native::Linearisation* out) override {
+    equations_.Linearise(radius, out);
+  }
+  bool SolveKept() override { return step_solver_.Solve(&equations_, step_); }
+  void Step(native::Trial* out) override { equations_.Step(step_, out); }
+  void Accept() override { equations_.Accept(problem_); }
+  void Save(LoopState* loop) override {
+    loop->state = problem_->state();
+    loop->remembered = equations_.Remembered();
+  }
+  void Restore(const LoopState& loop) override {
+    problem_->state() = loop.state;
+    equations_.Remember(loop.remembered);
+  }
 
  private:
-  void Start() {
-    log_.BeginIteration();
-    Linearise();
-    log_.SetStart(here_.cost);
-    const native::Structure& structure = equations_.structure();
-    if (structure.num_nodes() == 0 && structure.features.empty()) {
-      stop_ = {StopReason::kNothingToDo, ""};
-    } else {
-      EndIteration(StopIfFlat());
-    }
-  }
-
-  bool Finished() {
-    if (!stop_ && log_.iterations() >= options_.max_num_iterations)
-      stop_ = {StopReason::kMaxIterations, ""};
-    if (!stop_ && log_.Seconds() >= options_.max_seconds) stop_ = {StopReason::kMaxTime, ""};
-    return stop_.has_value();
-  }
-
-  void Linearise() {
-    const Timer timer;
-    equations_.Linearise(radius_, &here_);
-    log_.AddLinearisation(timer.Seconds(), here_);
-    linearised_ = true;
-  }
-
-  // The step of the kept unknowns, then that of the features and the cost where both lead.
-  void ComputeStep() {
-    const Timer factorise_timer;
-    solved_ = step_solver_.Solve(&equations_, step_);
-    log_.AddFactorisation(factorise_timer.Seconds());
-    if (!solved_) return;
-    const Timer step_timer;
-    equations_.Step(step_, &trial_);
-    log_.AddBackSubstitution(step_timer.Seconds());
-  }
-
-  double CostDecrease() const { return here_.cost.total - trial_.cost.total; }
-  double GainRatio() const {
-    const bool comparable =
-        solved_ && trial_.model_change < 0.0 && std::isfinite(trial_.cost.total);
-    return comparable ? CostDecrease() / -trial_.model_change : -1.0;
-  }
-  bool IsGood() const { return GainRatio() > kMinGainRatio; }
-  bool IsNegligible() const {
-    return solved_ && trial_.step_norm <= options_.parameter_tolerance *
-                                              (trial_.state_norm + options_.parameter_tolerance);
-  }
-
-  // Moves to the trial state and, unless the solve ends there, linearises, since the gradient
-  // there decides whether to go on.
-  std::optional<Stop> AcceptStep() {
-    log_.AddStep(true, CostDecrease(), trial_.step_norm);
-    radius_ = std::min(
-        radius_ / std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * GainRatio() - 1.0, 3)), kMaxRadius);
-    shrink_ = 2.0;
-    const double before = WatchedCost();
-    equations_.Accept(problem_);
-    here_.cost = trial_.cost;
-    const double after = WatchedCost();
-    here_.cost.CountAppeared();
-    log_.SetCost(here_.cost);
-    linearised_ = false;
-    if (options_.function_tolerance > 0.0 &&
-        std::abs(before - after) <= options_.function_tolerance * before)
-      return Converged("the cost of the terms in pixels changes less than function_tolerance");
-    if (IsNegligible()) return StopAtShortStep();
-    if (log_.iterations() >= options_.max_num_iterations) return std::nullopt;
-    Linearise();
-    return StopIfFlat();
-  }
-
-  // Stays, with more damping.
-  std::optional<Stop> RejectStep() {
-    log_.AddStep(false, solved_ ? CostDecrease() : 0.0, solved_ ? trial_.step_norm : 0.0);
-    radius_ /= shrink_;
-    shrink_ *= 2.0;
-    linearised_ = false;
-    // If even a negligible step does not decrease the cost, the state is a minimum.
-    if (IsNegligible()) return StopAtShortStep();
-    if (radius_ < kMinRadius) return Stop{StopReason::kNoStep, "no step improves, however short"};
-    return std::nullopt;
-  }
-
-  void EndIteration(const std::optional<Stop>& stop) {
-    stop_ = log_.EndIteration(here_, radius_) ? stop : Stop{StopReason::kCallback, ""};
-  }
-
-  static Stop StopAtShortStep() {
-    return Converged("the step is shorter than parameter_tolerance");
-  }
-  // A gradient that is exactly 0 ends the iteration even where the tolerance is 0.
-  std::optional<Stop> StopIfFlat() const {
-    if (!(here_.max_gradient <= options_.gradient_tolerance)) return std::nullopt;
-    return Converged("the gradient is below gradient_tolerance");
-  }
-
-  // Cost of the terms that function_tolerance looks at.
-  double WatchedCost() const {
-    double sum = 0.0;
-    for (size_t b = 0; b < problem_->batches().size(); ++b) {
-      if (options_.termination_counts_angular || !problem_->batches()[b]->angular)
-        sum += here_.cost.batches[b].cost;
-    }
-    return sum;
-  }
-
-  const SolverOptions& options_;
   Problem* const problem_;
-  NormalEquations& equations_;
-  StepSolver& step_solver_;
-  SolveLog& log_;
-
-  double radius_;        // of the trust region; the damping is its inverse
-  double shrink_ = 2.0;  // the next rejected step divides the radius by this
-  Linearisation here_;
-  bool linearised_ = false;  // here_ belongs to the current state and radius
+  native::NormalEquations& equations_;
+  native::StepSolver& step_solver_;
   std::vector<double> step_;
-  bool solved_ = false;  // there is a step, and trial_ belongs to it
-  Trial trial_;
-  std::optional<Stop> stop_;
 };
 
 }  // namespace
 
 SolverSummary SolveNatively(const SolverOptions& options, Problem* problem,
                             NativeWorkspace* workspace) {
-  SolveLog log(options, *problem);
+  native::SolveLog log("native", options, *problem);
   workspace->Begin(*problem, options, log.num_threads());
   log.EndBuild(workspace->step_solver().Name());
-  LevenbergMarquardt solver(options, problem, workspace, &log);
-  solver.Minimise();
-  return log.Finish(solver.cost(), solver.stop());
+  NativeProblem system(problem, workspace);
+  return native::Minimise(options, *problem, &system, &log);
 }
 
 }  // namespace holba

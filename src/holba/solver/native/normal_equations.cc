@@ -175,13 +175,21 @@ void NormalEquations::MergeBlocks() {
   });
 }
 
+double KeptDamping(double diagonal, double radius) {
+  const double root = 1.0 + std::sqrt(diagonal);
+  return std::max(diagonal, 1e-6 * root * root) / radius;
+}
+
 void NormalEquations::Linearise(double radius, Linearisation* out) {
-  ForEachSlice([&](SliceData* slice, Scratch* scratch) {
-    LineariseSlice(slice, 1.0 / radius, scratch);
-  });
+  LinearisePart(radius, out);
+  AddDamping(radius, out);
+}
+
+void NormalEquations::LinearisePart(double radius, Linearisation* out) {
+  ForEachSlice(
+      [&](SliceData* slice, Scratch* scratch) { LineariseSlice(slice, 1.0 / radius, scratch); });
   MergeBlocks();
   MergeVectors(out);
-  AddDamping(radius, out);
   CollectCost(false, &out->cost);
 }
 
@@ -214,10 +222,9 @@ void NormalEquations::AddDamping(double radius, Linearisation* out) {
     const int width = structure_.node_width[n], stride = PaddedWidth(width);
     const size_t block = S_.block_offset[pattern_.row_start[n + 1] - 1];
     for (int i = 0; i < width; ++i) {
-      const double d = diagonal_[at + i], root = 1.0 + std::sqrt(d);
       // The row and column of a held coordinate are zero: any pivot gives it a zero step.
       damping_[at + i] =
-          structure_.held_column[at + i] ? 1.0 : std::max(d, 1e-6 * root * root) / radius;
+          structure_.held_column[at + i] ? 1.0 : KeptDamping(diagonal_[at + i], radius);
       S_.values.data()[block + i * stride + i] += damping_[at + i];
       if (IsImplicit()) U_.values.data()[block + i * stride + i] += damping_[at + i];
       rhs_[pattern_.offset[n] + i] = reduction_[at + i] - gradient_[at + i];

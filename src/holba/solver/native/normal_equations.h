@@ -15,6 +15,7 @@
 #include "holba/solver/native/elimination.h"
 #include "holba/solver/native/fingerprint.h"
 #include "holba/solver/native/structure.h"
+#include "holba/solver/solve_journal.h"
 
 namespace holba::native {
 
@@ -46,16 +47,23 @@ struct Linearisation {
   StateCost cost;
 };
 
-struct Trial {
-  StateCost cost;
-  double model_change = 0.0;                 // change of the cost that the linear model predicts
-  double step_norm = 0.0, state_norm = 0.0;  // over the values of all variable blocks
-};
-
 // Squared norms of a step and of the state before it.
 struct StepSquares {
   double step = 0.0, state = 0.0;
 };
+
+struct Trial {
+  StateCost cost;
+  double model_change = 0.0;                 // change of the cost that the linear model predicts
+  StepSquares squares;                       // over the values of all variable blocks
+  double step_norm = 0.0, state_norm = 0.0;  // their roots
+
+  void SetNorms();
+};
+
+// Damping of a kept unknown with this entry on the diagonal of U (Marquardt, with the floor of
+// FactoriseFeatures).
+double KeptDamping(double diagonal, double radius);
 
 class NormalEquations {
  public:
@@ -73,6 +81,17 @@ class NormalEquations {
   // Linearises at problem.state() and eliminates the features. The damping is 1 / radius; an
   // infinite radius means none.
   void Linearise(double radius, Linearisation* out);
+  // The same where others hold residuals of the same kept blocks: the features are damped and
+  // eliminated, while S, the right hand side and max_gradient have no share of the kept unknowns'
+  // damping and gradient yet. These follow from the sums over all holders of gradient(),
+  // diagonal() and reduction().
+  void LinearisePart(double radius, Linearisation* out);
+  // Padded vectors (structure().node_padded_offset): g_k, the diagonal of U, and sum T y.
+  std::span<const double> gradient() const { return gradient_; }
+  std::span<const double> diagonal() const { return diagonal_; }
+  std::span<const double> reduction() const { return reduction_; }
+  // By block id: kept blocks that another holder counts in the norms of steps. Empty: none.
+  void SetCountedElsewhere(std::vector<uint8_t> blocks) { counted_elsewhere_ = std::move(blocks); }
   // Damped S (explicit form), or its diagonal and border blocks (implicit forms), where the blocks
   // that the form leaves out are those of U.
   const BlockMatrix& matrix() const { return S_; }
@@ -92,6 +111,9 @@ class NormalEquations {
   // Makes the trial state the state of the problem. Residuals that are absent there keep their last
   // value.
   void Accept(Problem* problem);
+  // The values of residuals when they were last present, by batch and residual; and back.
+  std::vector<RememberedResidual> Remembered() const;
+  void Remember(std::span<const RememberedResidual> remembered);
 
   // Covariances of the features in the order of the structure: F x F entries of feature i from
   // (*begin)[i] on. Z has the blocks of S^-1, where S is the explicit form without damping.
@@ -148,8 +170,7 @@ class NormalEquations {
                                   double* covariances) const;
 
   StepSquares MoveKeptBlocks();
-  void MoveBlock(const ManifoldOps& manifold, size_t at, const double* delta,
-                 StepSquares* squares);
+  void MoveBlock(const ManifoldOps& manifold, size_t at, const double* delta, StepSquares* squares);
   void StepSlice(SliceData* slice, Scratch* scratch);
   ChunkFeatures BeginStep(const Chunk& chunk, const SliceData& slice, Scratch* scratch);
   void ApplyKeptStep(const Chunk& chunk, const ChunkFeatures& features, Scratch* scratch) const;
@@ -185,6 +206,7 @@ class NormalEquations {
   std::vector<size_t> stored_begin_;  // by chunk
   std::vector<double> gradient_, diagonal_, reduction_, damping_, rhs_, padded_step_, padded_sum_;
   std::vector<double> trial_state_;
+  std::vector<uint8_t> counted_elsewhere_;
   std::vector<TermCost> fixed_costs_;  // by batch: residuals of constant blocks only
   // By batch: the values of residuals when they were last present. Empty until needed.
   struct Memory {

@@ -81,12 +81,7 @@ struct NormalEquations::SliceData {
   double max_gradient = 0.0, model_change = 0.0;
   StepSquares squares;  // of the features
   // Residuals that are present here and absent at the trial state.
-  struct Vanishing {
-    int batch;
-    uint32_t residual;
-    double values[kMaxResidualDim];
-  };
-  std::vector<Vanishing> vanishing;
+  std::vector<RememberedResidual> vanishing;
 };
 
 template <typename Body>

@@ -165,8 +165,8 @@ void NormalEquations::CompareWithTrial(const ChunkPart& chunk_part, const Evalua
     const bool known = !memory.known.empty() && memory.known[i];
     if (!trial.panel.present[j]) {
       if (now.panel.present[j]) {
-        SliceData::Vanishing& vanishing = slice->vanishing.emplace_back();
-        vanishing.batch = part.batch_idx;
+        RememberedResidual& vanishing = slice->vanishing.emplace_back();
+        vanishing.batch = static_cast<uint32_t>(part.batch_idx);
         vanishing.residual = i;
         ResidualPanel one;
         bool present = false;

@@ -7,6 +7,11 @@
 
 namespace holba::native {
 
+void Trial::SetNorms() {
+  step_norm = std::sqrt(squares.step);
+  state_norm = std::sqrt(squares.state);
+}
+
 // Moves the kept blocks, then slice by slice the features, and evaluates the residuals there.
 void NormalEquations::Step(std::span<const double> kept_step, Trial* out) {
   trial_state_ = problem_->state();
@@ -14,7 +19,7 @@ void NormalEquations::Step(std::span<const double> kept_step, Trial* out) {
     std::copy_n(kept_step.data() + pattern_.offset[n], structure_.node_width[n],
                 padded_step_.data() + structure_.node_padded_offset[n]);
   }
-  StepSquares squares = MoveKeptBlocks();
+  StepSquares& squares = out->squares = MoveKeptBlocks();
   ForEachSlice([&](SliceData* slice, Scratch* scratch) { StepSlice(slice, scratch); });
   out->model_change = 0.0;
   for (size_t s = 0; s < num_slices_; ++s) {
@@ -22,13 +27,12 @@ void NormalEquations::Step(std::span<const double> kept_step, Trial* out) {
     squares.step += slices_[s]->squares.step;
     squares.state += slices_[s]->squares.state;
   }
-  out->step_norm = std::sqrt(squares.step);
-  out->state_norm = std::sqrt(squares.state);
+  out->SetNorms();
   CollectCost(true, &out->cost);
 }
 
 StepSquares NormalEquations::MoveKeptBlocks() {
-  StepSquares squares;
+  StepSquares squares, elsewhere;
   for (BlockId id : structure_.node_blocks) {
     const KeptBlock& place = structure_.kept[id];
     const Columns& columns = structure_.block_columns[id];
@@ -40,7 +44,8 @@ StepSquares NormalEquations::MoveKeptBlocks() {
     for (int c = 0; c < columns.count; ++c) {
       if (!(block.held >> columns.tangent[c] & 1)) delta[columns.tangent[c]] = step[c];
     }
-    MoveBlock(*block.manifold, offset_of(id), delta, &squares);
+    const bool counted = counted_elsewhere_.empty() || counted_elsewhere_[id] == 0;
+    MoveBlock(*block.manifold, offset_of(id), delta, counted ? &squares : &elsewhere);
   }
   return squares;
 }
@@ -165,25 +170,41 @@ void NormalEquations::EvaluateTrial(const Chunk& chunk, SliceData* slice, Scratc
     jk += panel.dim * panel.stride;
     Evaluated trial;
     Evaluate(chunk_part, trial_state_.data(), false, scratch, &trial);
-    AddTo(&slice->trial_cost[structure_.parts[chunk_part.part].batch_idx], trial.count,
-          trial.cost);
+    AddTo(&slice->trial_cost[structure_.parts[chunk_part.part].batch_idx], trial.count, trial.cost);
     CompareWithTrial(chunk_part, scratch->evaluated[p], trial, slice);
   }
 }
 
 void NormalEquations::Accept(Problem* problem) {
-  for (size_t s = 0; s < num_slices_; ++s) {
-    for (const SliceData::Vanishing& v : slices_[s]->vanishing) {
-      const ResidualBatch& batch = *problem_->batches()[v.batch];
-      Memory& memory = memory_[v.batch];
-      memory.known.resize(batch.size());
-      memory.values.resize(batch.size() * batch.dim());
-      memory.known[v.residual] = 1;
-      std::copy_n(v.values, batch.dim(),
-                  &memory.values[static_cast<size_t>(v.residual) * batch.dim()]);
+  for (size_t s = 0; s < num_slices_; ++s) Remember(slices_[s]->vanishing);
+  problem->state() = trial_state_;
+}
+
+void NormalEquations::Remember(std::span<const RememberedResidual> remembered) {
+  for (const RememberedResidual& r : remembered) {
+    const ResidualBatch& batch = *problem_->batches()[r.batch];
+    Memory& memory = memory_[r.batch];
+    memory.known.resize(batch.size());
+    memory.values.resize(batch.size() * batch.dim());
+    memory.known[r.residual] = 1;
+    std::copy_n(r.values, batch.dim(),
+                &memory.values[static_cast<size_t>(r.residual) * batch.dim()]);
+  }
+}
+
+std::vector<RememberedResidual> NormalEquations::Remembered() const {
+  std::vector<RememberedResidual> out;
+  for (uint32_t b = 0; b < memory_.size(); ++b) {
+    const int dim = problem_->batches()[b]->dim();
+    for (uint32_t i = 0; i < memory_[b].known.size(); ++i) {
+      if (!memory_[b].known[i]) continue;
+      RememberedResidual& r = out.emplace_back();
+      r.batch = b;
+      r.residual = i;
+      std::copy_n(&memory_[b].values[static_cast<size_t>(i) * dim], dim, r.values);
     }
   }
-  problem->state() = trial_state_;
+  return out;
 }
 
 }  // namespace holba::native

@@ -7,9 +7,9 @@
 
 namespace holba::native {
 
-SolveLog::SolveLog(const SolverOptions& options, const Problem& problem)
+SolveLog::SolveLog(const std::string& backend, const SolverOptions& options, const Problem& problem)
     : options_(options), problem_(problem) {
-  summary_.backend = "native";
+  summary_.backend = backend;
   summary_.num_threads = NumThreads(options.num_threads);
   summary_.factorise_seconds = summary_.back_substitute_seconds = 0.0;
 }
@@ -48,6 +48,20 @@ bool SolveLog::EndIteration(const Linearisation& linearisation, double radius) {
   if (!options_.on_iteration) return true;
   record_.terms = TermsOf(linearisation.cost);
   return options_.on_iteration(record_);
+}
+
+void SolveLog::Save(LoopState* loop) const {
+  loop->summary = summary_;
+  loop->cost = record_.cost;
+}
+void SolveLog::Restore(const LoopState& loop) {
+  const std::string linear_solver = summary_.linear_solver;
+  const int num_threads = summary_.num_threads;
+  summary_ = loop.summary;
+  summary_.linear_solver = linear_solver;
+  summary_.num_threads = num_threads;
+  record_.iteration = summary_.iterations;
+  record_.cost = loop.cost;
 }
 
 SolverSummary SolveLog::Finish(const StateCost& end, const Stop& stop) {

@@ -18,7 +18,7 @@ struct Stop {
 
 class SolveLog {
  public:
-  SolveLog(const SolverOptions& options, const Problem& problem);
+  SolveLog(const std::string& backend, const SolverOptions& options, const Problem& problem);
 
   int num_threads() const { return summary_.num_threads; }
   int iterations() const { return summary_.iterations; }
@@ -39,6 +39,10 @@ class SolveLog {
   void SetCost(const StateCost& cost) { record_.cost = cost.total; }
   // False: the caller wants to stop here.
   bool EndIteration(const Linearisation& linearisation, double radius);
+
+  // For the journal.
+  void Save(LoopState* loop) const;
+  void Restore(const LoopState& loop);
 
   SolverSummary Finish(const StateCost& end, const Stop& stop);
 
