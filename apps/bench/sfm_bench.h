@@ -1,35 +1,29 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The benchmark `sfm`: the mapper on synthetic databases with points alone and with structure; the
-// paper's table of runtime and reconstruction, with errors against the truth.
+// The benchmarks `sfm` and `breakdown`: the mapper on synthetic databases with points alone and
+// with structure; the paper's Table 1 with errors against the truth, and its runtime figure c.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
-#include "apps/bench/table.h"
-#include "holba/base/options.h"
+#include "apps/bench/paper_bench.h"
 #include "holba/synthetic/photo_set.h"
 
 namespace holba {
 
 struct SfmBenchOptions {
-  PhotoSetOptions photos;  // number of images apart
-  std::vector<int> num_images = {100};
+  PaperBenchOptions bench;
+  PhotoSetOptions photos;  // number of images and seed apart
   // Names of --Mapper.structure.
   std::vector<std::string> structures = {"none", "lines", "groups", "holistic"};
-  int num_threads = -1;
   // Of the page that shows the last model beside the truth; empty: none.
   std::string page_path;
 };
 
-struct SfmBenchReport {
-  std::vector<Table> tables;
-  nlohmann::json results;  // an object for each size and structure
-};
-
 // `holba map` with its defaults, intrinsics that the database knows exactly held. Databases and
-// models are made in the folder for temporary files and removed.
-SfmBenchReport BenchSfm(const SfmBenchOptions& options);
+// models are made in the folder for temporary files and removed. Tables `sfm_runtime` and `sfm`,
+// and `breakdown`: first and later iterations of the same runs.
+PaperBenchReport BenchSfm(const SfmBenchOptions& options);
+PaperBenchReport BenchBreakdown(const SfmBenchOptions& options);
 
 }  // namespace holba

@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <ctime>
 #include <limits>
+#include <utility>
 
+#include "apps/bench/plot.h"
 #include "holba/base/check.h"
 #include "holba/base/log.h"
 #include "holba/base/timer.h"
@@ -15,6 +17,8 @@
 
 namespace holba {
 namespace {
+
+constexpr const char* kExponent = "exponent";
 
 std::string NameOf(LinearSolver solver) {
   switch (solver) {
@@ -79,57 +83,74 @@ const Timing& Find(const std::vector<Timing>& timings, int num_images, LinearSol
   return *it;
 }
 
-Table TimeTable(const TimingOptions& options, const std::vector<TimingCase>& cases,
-                const std::vector<Timing>& timings) {
-  Table table = {
-      fmt::format("Milliseconds{} per iteration, in parentheses relative to {}:",
-                  options.clock == TimingClock::kCpu ? " of processor time" : "", cases[0].name),
-      {"images, Schur complement"},
-      {}};
-  for (const TimingCase& c : cases) table.header.push_back(c.name);
-  for (const LinearSolver solver : options.linear_solvers) {
-    for (const int num_images : options.num_images) {
-      const double first = Find(timings, num_images, solver, cases[0].name).seconds_per_iteration;
-      std::vector<std::string> row = {fmt::format("{}, {}", num_images, NameOf(solver))};
-      for (const TimingCase& c : cases) {
-        const double seconds = Find(timings, num_images, solver, c.name).seconds_per_iteration;
-        row.push_back(fmt::format("{} ({:.2f})", ThreeDigits(1e3 * seconds), seconds / first));
-      }
-      table.rows.push_back(row);
-    }
-    if (options.num_images.size() < 2) continue;
-    std::vector<std::string> growth = {fmt::format("growth with n images, {}", NameOf(solver))};
-    for (const TimingCase& c : cases) {
-      std::vector<double> sizes, seconds;
+// "100 images, ms"
+std::string AtSize(int num_images, const char* what) {
+  return fmt::format("{} images, {}", num_images, what);
+}
+
+// What a timing shows, by row and size.
+struct TimingShown {
+  const char* table;  // added to the benchmark's name
+  std::string title;
+  const char* unit;
+  BetterIs better;
+  int digits;
+  // `first`: of the first case with the same size and solver.
+  double (*of)(const Timing& timing, const Timing& first);
+};
+
+SeedTable TableOf(const TimingShown& shown, const std::string& name, const TimingOptions& options,
+                  const std::vector<TimingCase>& cases,
+                  const std::vector<std::vector<Timing>>& of_seeds, bool with_exponents) {
+  std::vector<std::string> rows, seeds;
+  for (const LinearSolver solver : options.linear_solvers)
+    for (const TimingCase& c : cases) rows.push_back(fmt::format("{}, {}", c.name, NameOf(solver)));
+  for (size_t s = 0; s < of_seeds.size(); ++s)
+    seeds.push_back(std::to_string(options.scene.seed + s));
+  std::vector<SeedMeasure> measures;
+  for (const int num_images : options.num_images)
+    measures.push_back({AtSize(num_images, shown.unit), shown.better, shown.digits});
+  if (with_exponents) measures.push_back({kExponent, BetterIs::kNeither, 2});
+  SeedTable table(name + shown.table, shown.title, std::move(rows), std::move(seeds),
+                  std::move(measures));
+  for (size_t s = 0; s < of_seeds.size(); ++s) {
+    for (size_t r = 0; r < table.rows.size(); ++r) {
+      const LinearSolver solver = options.linear_solvers[r / cases.size()];
+      std::vector<double> sizes, values;
       for (const int num_images : options.num_images) {
         sizes.push_back(num_images);
-        seconds.push_back(Find(timings, num_images, solver, c.name).seconds_per_iteration);
+        values.push_back(
+            shown.of(Find(of_seeds[s], num_images, solver, cases[r % cases.size()].name),
+                     Find(of_seeds[s], num_images, solver, cases[0].name)));
       }
-      const auto exponent = GrowthExponent(sizes, seconds);
-      growth.push_back(exponent ? fmt::format("n^{:.2f}", *exponent) : "-");
+      if (with_exponents) {
+        values.push_back(
+            GrowthExponent(sizes, values).value_or(std::numeric_limits<double>::quiet_NaN()));
+      }
+      table.Set(r, s, values);
     }
-    table.rows.push_back(growth);
   }
   return table;
 }
 
-Table SystemTable(const TimingOptions& options, const std::vector<TimingCase>& cases,
-                  const std::vector<Timing>& timings) {
-  Table table = {
-      "Unknowns of the reduced system, and the part of its entries that is not structurally zero:",
-      {"images"},
-      {}};
-  for (const TimingCase& c : cases) table.header.push_back(c.name);
-  for (const int num_images : options.num_images) {
-    std::vector<std::string> row = {std::to_string(num_images)};
-    for (const TimingCase& c : cases) {
-      const ReducedSystem& system =
-          Find(timings, num_images, options.linear_solvers[0], c.name).reduced_system;
-      row.push_back(fmt::format("{}, {:.1f} %", system.size, 100.0 * system.density));
+// A panel for each solver, a line for each case, means over the seeds.
+std::string PlotOf(const SeedTable& times, const TimingOptions& options, size_t num_cases) {
+  std::vector<PlotPanel> panels;
+  for (size_t i = 0; i < options.linear_solvers.size(); ++i) {
+    PlotPanel& panel = panels.emplace_back();
+    panel.title = NameOf(options.linear_solvers[i]) + " Schur complement";
+    panel.x_label = "images";
+    panel.y_label = "ms per iteration";
+    for (size_t r = i * num_cases; r < (i + 1) * num_cases; ++r) {
+      PlotLine& line = panel.lines.emplace_back();
+      line.name = times.rows[r].substr(0, times.rows[r].rfind(','));
+      for (size_t k = 0; k < options.num_images.size(); ++k) {
+        if (const auto spread = SpreadOf(times.values[r][k]))
+          line.points.push_back({static_cast<double>(options.num_images[k]), spread->mean});
+      }
     }
-    table.rows.push_back(row);
   }
-  return table;
+  return LogarithmicPlot(panels);
 }
 
 }  // namespace
@@ -195,27 +216,47 @@ std::vector<Timing> TimeIterations(const TimingOptions& options,
   return timings;
 }
 
-std::vector<Table> TimingTables(const TimingOptions& options, const std::vector<TimingCase>& cases,
-                                const std::vector<Timing>& timings) {
-  return {TimeTable(options, cases, timings), SystemTable(options, cases, timings)};
-}
-
-nlohmann::json TimingsToJson(const std::vector<Timing>& timings) {
-  nlohmann::json list = nlohmann::json::array();
-  for (const Timing& t : timings) {
-    list.push_back({{"images", t.num_images},
-                    {"case", t.name},
-                    {"schur", NameOf(t.linear_solver)},
-                    {"linear_solver", t.used_solver},
-                    {"iterations", t.iterations},
-                    {"seconds_per_iteration", t.seconds_per_iteration},
-                    {"residuals", t.num_residuals},
-                    {"reduced_system",
-                     {{"size", t.reduced_system.size},
-                      {"density", t.reduced_system.density},
-                      {"pose_density", t.reduced_system.pose_density}}}});
-  }
-  return list;
+PaperBenchReport TimingReport(const std::string& name, const TimingOptions& options,
+                              const std::vector<TimingCase>& cases,
+                              const std::vector<std::vector<Timing>>& of_seeds) {
+  const char* clock = options.clock == TimingClock::kCpu ? " of processor time" : "";
+  const bool with_exponents = options.num_images.size() > 1;
+  const TimingShown times = {
+      "",
+      fmt::format("Milliseconds{} per iteration:", clock),
+      "ms",
+      BetterIs::kNeither,  // differences stand as ratios
+      2,
+      [](const Timing& timing, const Timing&) { return 1e3 * timing.seconds_per_iteration; }};
+  const TimingShown ratios = {"_ratio",
+                              fmt::format("The same by that of {}:", cases[0].name),
+                              "ratio",
+                              BetterIs::kNeither,
+                              2,
+                              [](const Timing& timing, const Timing& first) {
+                                return timing.seconds_per_iteration / first.seconds_per_iteration;
+                              }};
+  const TimingShown unknowns = {"_unknowns",
+                                "Unknowns of the reduced system:",
+                                "unknowns",
+                                BetterIs::kNeither,
+                                0,
+                                [](const Timing& timing, const Timing&) {
+                                  return static_cast<double>(timing.reduced_system.size);
+                                }};
+  const TimingShown densities = {
+      "_density",
+      "Part of its entries that is not structurally zero:",
+      "%",
+      BetterIs::kNeither,
+      1,
+      [](const Timing& timing, const Timing&) { return 100.0 * timing.reduced_system.density; }};
+  PaperBenchReport report;
+  report.tables.push_back(TableOf(times, name, options, cases, of_seeds, with_exponents));
+  for (const TimingShown& shown : {ratios, unknowns, densities})
+    report.tables.push_back(TableOf(shown, name, options, cases, of_seeds, false));
+  report.plot = PlotOf(report.tables[0], options, cases.size());
+  return report;
 }
 
 }  // namespace holba

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The benchmarks `iterations` and `wireframe_form`: time of one iteration by size of the problem.
+// The benchmarks `scaling` and `wireframe` (the paper's runtime figures a and b): time of one
+// iteration by size of the problem.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
-#include "apps/bench/table.h"
+#include "apps/bench/paper_bench.h"
 #include "holba/bundle/bundle_options.h"
 #include "holba/solver/solver.h"
 #include "holba/synthetic/bundle_problem.h"
@@ -56,10 +56,11 @@ struct Timing {
 std::vector<Timing> TimeIterations(const TimingOptions& options,
                                    const std::vector<TimingCase>& cases);
 
-// One table of times with their ratios to the first case and the exponents of growth, one of the
-// reduced systems.
-std::vector<Table> TimingTables(const TimingOptions& options, const std::vector<TimingCase>& cases,
-                                const std::vector<Timing>& timings);
-nlohmann::json TimingsToJson(const std::vector<Timing>& timings);
+// Of each seed in turn, from options.scene.seed on, what TimeIterations gave. Tables `NAME` (times,
+// and the exponents of their growth where there are several sizes), `NAME_ratio` (times by those of
+// the first case), `NAME_unknowns` and `NAME_density` (of the reduced system).
+PaperBenchReport TimingReport(const std::string& name, const TimingOptions& options,
+                              const std::vector<TimingCase>& cases,
+                              const std::vector<std::vector<Timing>>& of_seeds);
 
 }  // namespace holba

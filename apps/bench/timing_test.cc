@@ -4,11 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <vector>
 
 namespace holba {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::SizeIs;
 
 // 6 per image less the gauge of 7, 3 per plane (one for 5 images), 4 per line in the wireframe
@@ -48,10 +50,48 @@ TEST(TimeIterations, TimesEveryConfigurationWithBothSolvers) {
       EXPECT_GT(timing.num_residuals, timings[i - 1].num_residuals);
     }
   }
-  for (const Table& table : TimingTables(options, cases, timings)) {
-    EXPECT_THAT(table.header, SizeIs(5));
-    EXPECT_FALSE(table.Markdown().empty());
+}
+
+TEST(TimingReport, FitsTheExponentOfAPowerLawAndTheRatiosOfItsFactors) {
+  // 2e-6 n^1.5 s, and three times that; the second seed takes twice as long throughout.
+  TimingOptions options;
+  options.num_images = {100, 200, 800};
+  options.linear_solvers = {LinearSolver::kSparse, LinearSolver::kDense};
+  options.scene.seed = 7;
+  const std::vector<TimingCase> cases = {{"Point", {}}, {"Holistic", {}}};
+  std::vector<std::vector<Timing>> of_seeds(2);
+  for (int seed = 0; seed < 2; ++seed) {
+    for (const int n : options.num_images) {
+      for (const LinearSolver solver : options.linear_solvers) {
+        for (int c = 0; c < 2; ++c) {
+          Timing timing;
+          timing.num_images = n;
+          timing.linear_solver = solver;
+          timing.name = cases[c].name;
+          timing.seconds_per_iteration = 2e-6 * (seed + 1) * (2 * c + 1) *
+                                         std::pow(n, solver == LinearSolver::kSparse ? 1.5 : 2.75);
+          timing.reduced_system = {.size = static_cast<size_t>(6 * n - 7 + c), .density = 0.25};
+          of_seeds[seed].push_back(timing);
+        }
+      }
+    }
   }
+  const PaperBenchReport report = TimingReport("scaling", options, cases, of_seeds);
+  ASSERT_THAT(report.tables, SizeIs(4));
+  const SeedTable& times = report.tables[0];
+  EXPECT_THAT(times.cases, ElementsAre("7", "8"));
+  EXPECT_THAT(times.rows,
+              ElementsAre("Point, sparse", "Holistic, sparse", "Point, dense", "Holistic, dense"));
+  EXPECT_NEAR(times.values[0][0][0], 2.0, 1e-9);
+  const size_t exponent = times.MeasureOf("exponent").value();
+  for (size_t r = 0; r < 4; ++r) {
+    for (size_t s = 0; s < 2; ++s) {
+      EXPECT_NEAR(times.values[r][exponent][s], r < 2 ? 1.5 : 2.75, 1e-12);
+      EXPECT_NEAR(report.tables[1].values[r][2][s], r % 2 == 0 ? 1.0 : 3.0, 1e-12);
+    }
+  }
+  EXPECT_EQ(report.tables[2].values[1][0][0], 594.0);
+  EXPECT_EQ(report.tables[3].values[0][0][0], 25.0);
 }
 
 TEST(TimeIterations, KeepsTheLinesOfA3dWireframe) {

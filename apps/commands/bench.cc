@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // holba bench: the project's benchmarks, as Markdown tables.
 #include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "apps/bench/accuracy.h"
+#include "apps/bench/density_bench.h"
 #include "apps/bench/local_bench.h"
 #include "apps/bench/registration_bench.h"
+#include "apps/bench/results_page.h"
 #if defined(HOLBA_WITH_FRONTEND)
+#include "apps/bench/rendered_bench.h"
 #include "apps/bench/sfm_bench.h"
 #endif
 #include "apps/bench/solver_bench.h"
@@ -25,16 +31,36 @@ namespace holba {
 namespace {
 
 enum class Benchmark {
-  kIterations,
-  kWireframeForm,
+  kScaling,
+  kWireframe,
+  kBreakdown,
+  kSfm,
+  kGeometry,
+  kPoses,
+  kAblation,
+  kDensity,
+  kPrimitives,
+  kReport,
   kAccuracy,
   kSolver,
   kLocal,
   kVpDetection,
   kTwoView,
-  kRegistration,
-  kSfm
+  kRegistration
 };
+// By the name on the command line; the first ones are the paper's tables and figures.
+const std::vector<std::pair<std::string, Benchmark>>& Benchmarks() {
+  static const std::vector<std::pair<std::string, Benchmark>> all = {
+      {"scaling", Benchmark::kScaling},       {"wireframe", Benchmark::kWireframe},
+      {"breakdown", Benchmark::kBreakdown},   {"sfm", Benchmark::kSfm},
+      {"geometry", Benchmark::kGeometry},     {"poses", Benchmark::kPoses},
+      {"ablation", Benchmark::kAblation},     {"density", Benchmark::kDensity},
+      {"primitives", Benchmark::kPrimitives}, {"report", Benchmark::kReport},
+      {"accuracy", Benchmark::kAccuracy},     {"solver", Benchmark::kSolver},
+      {"local", Benchmark::kLocal},           {"vp_detection", Benchmark::kVpDetection},
+      {"two_view", Benchmark::kTwoView},      {"registration", Benchmark::kRegistration}};
+  return all;
+}
 enum class VisibilityChoice { kDefault, kRandom, kNear, kCluster, kBoth };
 enum class SchurChoice { kDense, kSparse, kBoth };
 
@@ -61,25 +87,24 @@ class BenchJob : public Job {
   }
 
   void Describe(OptionTable* table) const override {
-    table->Choice("benchmark", &benchmark_,
-                  {{"iterations", Benchmark::kIterations},
-                   {"wireframe_form", Benchmark::kWireframeForm},
-                   {"accuracy", Benchmark::kAccuracy},
-                   {"solver", Benchmark::kSolver},
-                   {"local", Benchmark::kLocal},
-                   {"vp_detection", Benchmark::kVpDetection},
-                   {"two_view", Benchmark::kTwoView},
-                   {"registration", Benchmark::kRegistration},
-                   {"sfm", Benchmark::kSfm}},
-                  "Which benchmark (time per iteration of the four configurations; the same of the "
-                  "2D and 3D form of the wireframe; errors against the truth; the native solver "
-                  "against Ceres; a part of a model against the part alone; vanishing points in "
-                  "photographs against labelled ones; relative poses of pairs of views; poses of "
-                  "images in a model from points, lines and directions; mapping of synthetic "
-                  "databases).");
-    table->Field("num_images", &num_images_, AtLeast(10),
-                 "Sizes of the scenes, by default 100,200,500,1000; wireframe_form: 100,200,500; "
-                 "accuracy, which takes one: 100; local, which takes one: 2000; sfm: 100.");
+    table->Choice("benchmark", &benchmark_, Benchmarks(),
+                  "Which table or figure of the paper, or other benchmark (above).");
+    table->Choice("size", &paper_.size,
+                  {{"small", BenchSize::kSmall},
+                   {"medium", BenchSize::kMedium},
+                   {"paper", BenchSize::kPaper}},
+                  "Size of the paper's tables and figures: seconds, minutes, or the paper's own "
+                  "numbers of images.");
+    table->Field(
+        "output_path", &output_path_,
+        "Folder for NAME.json and the plot NAME.svg (of the paper's tables and figures; of "
+        "report, the file of the page).");
+    table->Field("work_path", &paper_.work_path,
+                 "Folder where rendered places stay for the next run (empty: none).");
+    table->Field(
+        "num_images", &num_images_, AtLeast(10),
+        "Sizes of the scenes (of scaling, wireframe, breakdown and sfm a list; default: by "
+        "--size, accuracy 100, local 2000).");
     table
         ->Choice("scene", &photos_.scene,
                  {{"sphere", PhotoSceneKind::kSphere},
@@ -88,9 +113,10 @@ class BenchJob : public Job {
                  "Scene of the databases of the benchmark sfm.")
         .Advanced();
     table
-        ->Field("structures", &structures_,
-                "Structure of the mapper in the benchmark sfm, as a list of values of "
-                "--Mapper.structure.")
+        ->Field(
+            "structures", &structures_,
+            "Structure of the mapper in the benchmarks sfm and breakdown, as a list of values of "
+            "--Mapper.structure.")
         .Advanced();
     table
         ->Field("page_path", &page_path_,
@@ -126,9 +152,10 @@ class BenchJob : public Job {
                  {{"random", WrongAssociations::kRandom}, {"nearest", WrongAssociations::kNearest}},
                  "Whether a wrong association is to any feature or to the nearest wrong one.")
         .Advanced();
-    table->Field("num_seeds", &num_seeds_, Between(1, 100000),
-                 "Scenes of the benchmark accuracy; runs of the benchmark vp_detection; views of "
-                 "each case of the benchmark registration.");
+    table->Field(
+        "num_seeds", &num_seeds_, Between(0, 100000),
+        "Scenes or seeds (of vp_detection runs, of registration views of each case; 0: 10, of "
+        "the paper's tables 2, 5 or 8 by --size).");
     table->Field("data", &data_path_,
                  "Folder of labelled photographs of the benchmark vp_detection (YUD+).");
     table
@@ -165,14 +192,19 @@ class BenchJob : public Job {
     table->Field("input_path", &input_path_,
                  "BAL problems of the benchmark solver, as a list a,b,c of files; pairs of the "
                  "benchmark two_view, views of the benchmark registration, a file.");
-    table->Field("problems", &problems_,
-                 "Problems of the benchmark solver, as a list (bal and local, the files, and cuts "
-                 "of them of 12 or 16 images; ring_N, sequence_N, collection_N, random_point_N, "
-                 "random_holistic_N, near_point_N, near_holistic_N with N images).");
-    table->Field("solvers", &solvers_,
-                 "Solvers of the benchmark solver, as a list of beginnings of their names (native, "
-                 "ceres_dense, plain_ceres, ...); empty: all.");
-    table->Field("threads", &threads_, AtLeast(1), "Numbers of threads in the benchmark solver.");
+    table
+        ->Field("problems", &problems_,
+                "Problems of the benchmark solver, as a list (bal and local, the files, and cuts "
+                "of them of 12 or 16 images; ring_N, sequence_N, collection_N, random_point_N, "
+                "random_holistic_N, near_point_N, near_holistic_N with N images).")
+        .Advanced();
+    table
+        ->Field("solvers", &solvers_,
+                "Solvers of the benchmark solver, as a list of beginnings of their names (native, "
+                "ceres_dense, plain_ceres, ...); empty: all.")
+        .Advanced();
+    table->Field("threads", &threads_, AtLeast(1), "Numbers of threads in the benchmark solver.")
+        .Advanced();
     table
         ->Field("camera_per_image", &camera_per_image_,
                 "Each image of sequences and collections has a camera of its own, which is "
@@ -202,31 +234,71 @@ class BenchJob : public Job {
   void ProbeOutputs(const Invocation&) const override {
     if (!page_path_.empty()) ProbeFile(page_path_);
     ProbeResult();
+    if (output_path_.empty()) return;
+    if (benchmark_ == Benchmark::kReport) {
+      ProbeFile(output_path_);
+    } else {
+      ProbeFolder(output_path_, [this](std::string_view name) { return IsOfResult(name); });
+    }
   }
 
   void Run(const Invocation& invocation) override {
-    if (benchmark_ == Benchmark::kAccuracy) {
-      RunAccuracy(invocation);
-    } else if (benchmark_ == Benchmark::kSolver) {
-      RunSolverBench(invocation);
-    } else if (benchmark_ == Benchmark::kLocal) {
-      RunLocal(invocation);
-    } else if (benchmark_ == Benchmark::kVpDetection) {
-      RunVpDetection(invocation);
-    } else if (benchmark_ == Benchmark::kTwoView) {
-      RunTwoView(invocation);
-    } else if (benchmark_ == Benchmark::kRegistration) {
-      RunRegistration(invocation);
-    } else if (benchmark_ == Benchmark::kSfm) {
-      RunSfm(invocation);
-    } else {
-      RunTiming(invocation);
+    switch (benchmark_) {
+      case Benchmark::kScaling:
+      case Benchmark::kWireframe:
+        return RunTiming(invocation);
+      case Benchmark::kBreakdown:
+      case Benchmark::kSfm:
+        return RunSfm(invocation);
+      case Benchmark::kGeometry:
+      case Benchmark::kPoses:
+      case Benchmark::kAblation:
+      case Benchmark::kPrimitives:
+        return RunRendered(invocation);
+      case Benchmark::kDensity:
+        return Print(invocation, BenchDensity(PaperOptions(), photos_, bundle_));
+      case Benchmark::kReport:
+        return RunReport(invocation);
+      case Benchmark::kAccuracy:
+        return RunAccuracy(invocation);
+      case Benchmark::kSolver:
+        return RunSolverBench(invocation);
+      case Benchmark::kLocal:
+        return RunLocal(invocation);
+      case Benchmark::kVpDetection:
+        return RunVpDetection(invocation);
+      case Benchmark::kTwoView:
+        return RunTwoView(invocation);
+      case Benchmark::kRegistration:
+        return RunRegistration(invocation);
     }
   }
 
  private:
   std::vector<int> Sizes(std::vector<double> defaults) const {
     return WholeNumbers("num_images", num_images_.empty() ? defaults : num_images_, 10);
+  }
+
+  int NumSeeds() const { return num_seeds_ > 0 ? num_seeds_ : 10; }
+
+  std::string NameOfBenchmark() const {
+    for (const auto& [name, benchmark] : Benchmarks())
+      if (benchmark == benchmark_) return name;
+    return "";
+  }
+
+  bool IsOfResult(std::string_view name) const {
+    return name == NameOfBenchmark() + ".json" || name == NameOfBenchmark() + ".svg";
+  }
+
+  // Of the paper's tables and figures.
+  PaperBenchOptions PaperOptions() const {
+    PaperBenchOptions options = paper_;
+    options.seed = scene_.seed;
+    options.num_seeds = num_seeds_;
+    options.num_images = WholeNumbers("num_images", num_images_, 10);
+    options.num_threads = solver_.num_threads;
+    return options;
   }
 
   Visibility SingleVisibility() const {
@@ -248,7 +320,7 @@ class BenchJob : public Job {
     } else {
       options.visibilities = {SingleVisibility()};
     }
-    options.num_seeds = num_seeds_;
+    options.num_seeds = NumSeeds();
     options.bundle = bundle_;
     options.solver = solver_;
     options.alignment = alignment_;
@@ -295,7 +367,7 @@ class BenchJob : public Job {
     }
     VpDetectionOptions options;
     options.detection = vanishing_points_;
-    options.num_seeds = num_seeds_;
+    options.num_seeds = NumSeeds();
     const std::vector<VpDetectionResult> results =
         MeasureVpDetection(options, ReadLabelledSegments(data_path_));
     Print(invocation, {VpDetectionTable(results)}, VpDetectionToJson(results));
@@ -317,7 +389,7 @@ class BenchJob : public Job {
           EstimatePoses(registration_, ReadRegistrationViews(input_path_), scene_.seed);
       return Print(invocation, {RegistrationSummary(results)}, RegistrationsToJson(results));
     }
-    const Table table = RegistrationTable(registration_, static_cast<size_t>(num_seeds_),
+    const Table table = RegistrationTable(registration_, static_cast<size_t>(NumSeeds()),
                                           focal_is_known_, scene_.seed);
     nlohmann::json rows = nlohmann::json::array();
     for (const std::vector<std::string>& row : table.rows) rows.push_back(row);
@@ -327,23 +399,62 @@ class BenchJob : public Job {
   void RunSfm([[maybe_unused]] const Invocation& invocation) const {
 #if defined(HOLBA_WITH_FRONTEND)
     SfmBenchOptions options;
+    options.bench = PaperOptions();
     options.photos = photos_;
-    options.photos.seed = scene_.seed;
-    options.num_images = Sizes({100});
     options.structures = SplitAtCommas(structures_);
-    options.num_threads = solver_.num_threads;
+    if (benchmark_ != Benchmark::kSfm) return Print(invocation, BenchBreakdown(options));
     options.page_path = page_path_.empty() ? TemporaryPage().string() : page_path_;
-    const SfmBenchReport report = BenchSfm(options);
-    Print(invocation, report.tables, report.results);
+    Print(invocation, BenchSfm(options));
 #else
-    throw InputError("--benchmark: sfm must have the mapper; build with HOLBA_WITH_FRONTEND=ON");
+    RefuseWithoutFrontend();
 #endif
+  }
+
+  void RunRendered([[maybe_unused]] const Invocation& invocation) const {
+#if defined(HOLBA_WITH_FRONTEND)
+    const PaperBenchOptions options = PaperOptions();
+    Print(invocation, benchmark_ == Benchmark::kGeometry   ? BenchGeometry(options)
+                      : benchmark_ == Benchmark::kPoses    ? BenchPoses(options)
+                      : benchmark_ == Benchmark::kAblation ? BenchAblation(options)
+                                                           : BenchPrimitives(options));
+#else
+    RefuseWithoutFrontend();
+#endif
+  }
+
+#if !defined(HOLBA_WITH_FRONTEND)
+  [[noreturn]] void RefuseWithoutFrontend() const {
+    throw InputError("--benchmark: " + NameOfBenchmark() +
+                     " must have photographs and the mapper; build with HOLBA_WITH_FRONTEND=ON");
+  }
+#endif
+
+  void RunReport(const Invocation& invocation) const {
+    if (input_path_.empty()) {
+      throw InputError(
+          "--input_path: report must have the folder that the benchmarks wrote their results to");
+    }
+    const std::filesystem::path page_folder =
+        output_path_.empty() ? "." : std::filesystem::absolute(output_path_).parent_path();
+    const std::string plots = std::filesystem::relative(input_path_, page_folder).generic_string();
+    const std::string page = ResultsPage(ReadResults(input_path_), plots);
+    if (output_path_.empty()) {
+      PrintResult(invocation.json ? JsonText({{"page", page}}) : page);
+    } else {
+      WriteFileWhole(output_path_, [&](std::ostream* stream) { *stream << page; });
+    }
   }
 
   void RunTiming(const Invocation& invocation) const {
     TimingOptions options;
-    options.num_images = benchmark_ == Benchmark::kIterations ? Sizes({100, 200, 500, 1000})
-                                                              : Sizes({100, 200, 500});
+    const PaperBenchOptions paper = PaperOptions();
+    options.num_images = paper.num_images;
+    if (options.num_images.empty()) {
+      options.num_images = paper.size == BenchSize::kSmall ? std::vector<int>{10, 20, 40}
+                           : paper.size == BenchSize::kMedium
+                               ? std::vector<int>{100, 200, 400}
+                               : std::vector<int>{100, 200, 500, 1000, 2000};
+    }
     if (schur_ != SchurChoice::kDense) options.linear_solvers.push_back(LinearSolver::kSparse);
     if (schur_ != SchurChoice::kSparse) options.linear_solvers.push_back(LinearSolver::kDense);
     options.iterations = iterations_;
@@ -356,9 +467,32 @@ class BenchJob : public Job {
     options.scene.visibility = SingleVisibility();
     options.solver = solver_;
     const std::vector<TimingCase> cases =
-        benchmark_ == Benchmark::kIterations ? ConfigCases(bundle_) : WireframeFormCases(bundle_);
-    const std::vector<Timing> timings = TimeIterations(options, cases);
-    Print(invocation, TimingTables(options, cases, timings), TimingsToJson(timings));
+        benchmark_ == Benchmark::kScaling ? ConfigCases(bundle_) : WireframeFormCases(bundle_);
+    std::vector<std::vector<Timing>> of_seeds;
+    for (int s = 0; s < paper.NumSeeds(); ++s) {
+      TimingOptions of_seed = options;
+      of_seed.scene.seed += static_cast<uint64_t>(s);
+      of_seeds.push_back(TimeIterations(of_seed, cases));
+    }
+    Print(invocation, TimingReport(NameOfBenchmark(), options, cases, of_seeds));
+  }
+
+  // A table or figure of the paper: also as files.
+  void Print(const Invocation& invocation, const PaperBenchReport& report) const {
+    const nlohmann::ordered_json json = PaperBenchToJson(NameOfBenchmark(), report);
+    if (!output_path_.empty()) {
+      StagedFolder stage(output_path_);
+      stage.Write(NameOfBenchmark() + ".json",
+                  [&](std::ostream* stream) { *stream << json.dump(1) << "\n"; });
+      stage.Write(NameOfBenchmark() + ".svg",
+                  [&](std::ostream* stream) { *stream << report.plot; });
+      stage.Commit([this](std::string_view name) { return IsOfResult(name); });
+    }
+    std::vector<Table> tables;
+    for (const SeedTable& table : report.tables) {
+      for (Table& part : TablesOf(table)) tables.push_back(std::move(part));
+    }
+    Print(invocation, tables, json);
   }
 
   static void Print(const Invocation& invocation, const std::vector<Table>& tables,
@@ -368,12 +502,14 @@ class BenchJob : public Job {
     PrintResult(invocation.json ? JsonText({{"results", results}}) : text);
   }
 
-  Benchmark benchmark_ = Benchmark::kIterations;
+  Benchmark benchmark_ = Benchmark::kScaling;
+  PaperBenchOptions paper_;
+  std::string output_path_;
   std::vector<double> num_images_;
   BundleProblemOptions scene_;
   VisibilityChoice visibility_ = VisibilityChoice::kDefault;
   SchurChoice schur_ = SchurChoice::kBoth;
-  int num_seeds_ = 10;
+  int num_seeds_ = 0;
   int iterations_ = 20;
   int repetitions_ = 3;
   double max_repeated_seconds_ = 60.0;
@@ -407,9 +543,31 @@ Command BenchCommand() {
       .name = "bench",
       .summary = "Measure speed and accuracy",
       .details =
-          "Scenes are those of `holba synthesize`. Tables are printed as Markdown, with --json the "
-          "results as one object.\n\n"
-          "iterations, wireframe_form: exactly --iterations iterations from the start with all "
+          "The paper's tables and figures, over several seeds or scenes (scaling, wireframe, "
+          "breakdown, sfm, geometry, poses, ablation, density, primitives), their page (report), "
+          "and others.\n\n"
+          "scaling, wireframe: time of one iteration by size of the problem, of the four "
+          "configurations, and of the 2D and 3D form of the wireframe (runtime figures a and "
+          "b).\n\n"
+          "breakdown: first and later iterations of the mapper's adjustments (figure c); sfm: the "
+          "mapper on synthetic databases (Table 1).\n\n"
+          "geometry: points and lines of rendered rooms against their surfaces with groups and "
+          "wireframe on and off (Tables 2 and 3).\n\n"
+          "poses: cameras of rendered rooms by points, points and lines, all structure (Table 4); "
+          "ablation: the 2D form against the 3D form with weights 1 to 1000 (Table 5).\n\n"
+          "density: coupled pairs of cameras without and with the wireframe; primitives: objects "
+          "of "
+          "label maps on rendered tables against the truth.\n\n"
+          "report: docs/results.md from the files of --input_path that these wrote to "
+          "--output_path.\n\n"
+          "Others: accuracy (errors against the truth), solver (the native solver against Ceres), "
+          "local (a part of a model against the part alone), vp_detection (vanishing points in "
+          "labelled photographs), two_view (relative poses of pairs), registration (poses of "
+          "images "
+          "in a model).\n\n"
+          "Scenes are those of `holba synthesize`, places those of `holba render`. Tables are "
+          "printed as Markdown, with --json the results as one object.\n\n"
+          "scaling, wireframe: exactly --iterations iterations from the start with all "
           "tolerances 0; all cases of one size are run in turn, and the turns repeated. A time is "
           "the least over the repetitions of the median over the accepted iterations after the "
           "first.\n\n"
@@ -444,7 +602,7 @@ Command BenchCommand() {
           "--num_seeds images of each. Shown: images within 2 degrees and 0.1 units of the truth, "
           "the median error of the centre in units, and processor time. Or the views of "
           "--input_path.\n\n"
-          "sfm: `holba map` on databases of --num_images images as `holba synthesize "
+          "sfm, breakdown: `holba map` on databases of --num_images images as `holba synthesize "
           "--database_path` makes them (--scene, --seed, --Database.*), with each of --structures: "
           "adjustments and their iterations, what was reconstructed, pose AUC against the "
           "truth.\n\n"
