@@ -42,24 +42,17 @@ std::vector<std::vector<uint32_t>> FindAlike(const Database& database,
                                              size_t period, int num_threads) {
   RetrievalOptions options;
   options.num_threads = num_threads;
-  std::vector<Descriptors> sampled(ids.size());
+  std::vector<Descriptors> strongest(ids.size());
   for (size_t i = 0; i < ids.size(); ++i) {
-    auto all = database.ReadDescriptors(ids[i]);
-    if (!all || all->size() == 0) continue;
-    const size_t size = all->size(), kept = std::min(size, options.max_descriptors_per_image);
-    sampled[i].type = all->type;
-    sampled[i].num_bytes = all->num_bytes;
-    for (size_t k = 0; k < kept; ++k) {
-      const auto from =
-          all->data.begin() + static_cast<ptrdiff_t>(k * size / kept * all->num_bytes);
-      sampled[i].data.insert(sampled[i].data.end(), from, from + all->num_bytes);
-    }
+    const auto descriptors = database.ReadDescriptors(ids[i]);
+    if (!descriptors) continue;
+    strongest[i] = StrongestFirst(database.ReadKeypoints(ids[i]).value_or(Keypoints{}),
+                                  *descriptors, options.max_descriptors_per_image);
   }
-  const ImageRetrieval retrieval(options, sampled);
-  std::vector<std::vector<uint32_t>> alike(ids.size());
-  ParallelTasks(num_threads, ids.size(), [&](size_t i) {
-    if (i % period == 0) alike[i] = retrieval.Nearest(i, count);
-  });
+  std::vector<std::vector<uint32_t>> alike = FindImagesAlike(options, strongest, count);
+  for (size_t i = 0; i < ids.size(); ++i) {
+    if (i % period != 0) alike[i].clear();
+  }
   return alike;
 }
 
