@@ -126,12 +126,11 @@ std::vector<std::string> BenchmarksOfPage() {
 
 std::map<std::string, std::vector<SeedTable>> ReadResults(const std::filesystem::path& folder) {
   std::map<std::string, std::vector<SeedTable>> results;
+  std::vector<std::string> absent;
   for (const std::string& benchmark : BenchmarksOfPage()) {
     const std::filesystem::path path = folder / (benchmark + ".json");
     if (!std::filesystem::is_regular_file(path)) {
-      LogWarning(
-          "The page lacks {0}: 'holba bench --benchmark {0} --output_path {1}' makes its file",
-          benchmark, folder.string());
+      absent.push_back(benchmark);
       continue;
     }
     const nlohmann::json json = nlohmann::json::parse(ReadFileBytes(path), nullptr, false);
@@ -146,6 +145,10 @@ std::map<std::string, std::vector<SeedTable>> ReadResults(const std::filesystem:
     throw InputError(folder,
                      "expected results of benchmarks, as 'holba bench --benchmark scaling "
                      "--output_path' writes them, found none");
+  }
+  for (const std::string& benchmark : absent) {
+    LogWarning("The page lacks {0}: 'holba bench --benchmark {0} --output_path {1}' makes its file",
+               benchmark, folder.string());
   }
   return results;
 }

@@ -184,14 +184,15 @@ class EndToEnd(Case):
     def test_pictures_and_plys_lie_beside_the_model(self):
         model, _ = self.refine("out", "--covariances", 1, num_pictures=2)
         pictures = sorted(p.name for p in (model / "pictures").iterdir())
-        self.assertEqual(pictures, [f"room_{i}_{kind}.jpg" for i in (1, 4) for kind in ("groups", "lines", "wireframe")]
-                         + ["top_view.png"])
+        views = ["front.png", "overview.png", "plan.png", "side.png", "top_view.png"]
+        kinds = ("groups", "lines", "model", "wireframe")
+        self.assertEqual(pictures, sorted(views + [f"room_{i}_{kind}.jpg" for i in (1, 4) for kind in kinds]))
         for name in ("structure.ply", "points.ply"):
             self.assertTrue((model / name).read_bytes().startswith(b"ply\n"), name)
         self.assertGreater(len(records(model / "covariances.txt")), scene.NUM_IMAGES)
         before = tree(model)
         self.refine("out", num_pictures=1)
-        self.assertEqual(len(list((model / "pictures").iterdir())), 4)
+        self.assertEqual(len(list((model / "pictures").iterdir())), len(views) + len(kinds))
         self.assertNotEqual(tree(model), before)
 
 

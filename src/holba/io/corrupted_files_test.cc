@@ -112,7 +112,7 @@ TEST(CorruptedText, IsRefusedWithLineAndExpectation) {
        "3D line 1 names line 1 of image 2, which has 1 of them"},
       {"lines3D", "0.5 1 0 2 0", "0.5 1 0 1 1", "", "which names no 3D line"},
       {"lines3D", "2 0 1 0 -1", "1 0 1 0 -1", "lines3D.txt:3: ", "3D line 1 is there twice"},
-      {"groups2D", "VP", "TORUS", "groups2D.txt:2: ", "expected TYPE (one of VP, PLANE"},
+      {"groups2D", "VP", "PYRAMID", "groups2D.txt:2: ", "expected TYPE (one of VP, PLANE"},
       {"groups2D", "1 1 PLANE", "1 2 PLANE",
        "groups2D.txt:3: ", "expected GROUP2D_IDX 1 of image 1"},
       {"groups2D", "1 1 PLANE", "1 0 PLANE",

@@ -215,7 +215,7 @@ TEST(DatabaseFeatures, SayWhichRowIsDamaged) {
       {"holba_label_maps", "data = x'0100FFFFFFFFFFFFFFFFFFFF01'", "do not fill"},
       {"holba_label_maps", "data = x'010080'", "do not fill"},
       {"holba_label_maps", "data = x'010000'", "do not fill"},
-      {"holba_label_maps", "types = '1 TORUS'", "found '1 TORUS'"},
+      {"holba_label_maps", "types = '1 PYRAMID'", "found '1 PYRAMID'"},
       {"holba_label_maps", "types = '65536 PLANE'", "found '65536 PLANE'"},
       {"holba_label_maps", "types = 'PLANE'", "found 'PLANE'"},
       {"holba_normals", "rows = 3", "expected 3 labels"},

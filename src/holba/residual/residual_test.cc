@@ -14,7 +14,6 @@
 #include "holba/base/random.h"
 #include "holba/group/lines_in_plane_testing.h"
 #include "holba/problem/residual_batch.h"
-#include "holba/residual/principal_point_prior.h"
 #include "holba/residual/group_line.h"
 #include "holba/residual/group_line_3d.h"
 #include "holba/residual/group_measurement.h"
@@ -22,6 +21,7 @@
 #include "holba/residual/group_point_3d.h"
 #include "holba/residual/line.h"
 #include "holba/residual/point.h"
+#include "holba/residual/principal_point_prior.h"
 #include "holba/residual/relation.h"
 #include "holba/residual/vanishing_point.h"
 #include "holba/residual/wireframe_3d.h"
@@ -138,7 +138,9 @@ struct Scene {
         {"CYLINDER", {0.6, 0.0, 0.8, 0.16, 0.1, -0.12, 0.9}},
         {"CONE", {0.1, 0.2, -3.0, 0.0, 0.6, 0.8, 0.5}},
         {"ELLIPSOID", {0.5, 0.5, -0.5, 0.5, 0.2, 0.1, 0.0, 1.0, 1.5, 0.7}},
-        {"CUBOID", {0.5, 0.5, -0.5, 0.5, -1.0, -1.2, -0.9, -1.1, -1.3, -0.8}}};
+        {"CUBOID", {0.5, 0.5, -0.5, 0.5, -1.0, -1.2, -0.9, -1.1, -1.3, -0.8}},
+        {"TORUS", {0.1, -0.2, 0.3, 0.6, 0.0, 0.8, 1.4, 0.5}},
+        {"BEZIER_CURVE", {-2.0, 0.3, 0.1, -0.8, -0.9, 0.4, 0.9, 1.1, -0.5, 2.1, 0.2, 0.3}}};
     std::vector<double> g(type.manifold->ambient);
     EXPECT_TRUE(type.from_file(plain.at(type.name).data(), g.data())) << type.name;
     return {type.manifold, g};
@@ -236,8 +238,7 @@ TEST(PrincipalPointPrior, IsTheDistanceInStandardDeviations) {
   ASSERT_TRUE(prior.Evaluate({{500, 400}, {10, 8}}, values, residual, jacobians));
   EXPECT_DOUBLE_EQ(residual[0], 0.3);
   EXPECT_DOUBLE_EQ(residual[1], -1.25);
-  for (int i = 0; i < 16; ++i)
-    EXPECT_DOUBLE_EQ(J[i], i == 2 ? 0.1 : i == 8 + 3 ? 0.125 : 0.0) << i;
+  for (int i = 0; i < 16; ++i) EXPECT_DOUBLE_EQ(J[i], i == 2 ? 0.1 : i == 8 + 3 ? 0.125 : 0.0) << i;
 }
 
 // A kernel with the sensor's pose as a block: its Jacobians, and that it is the kernel that sees

@@ -109,9 +109,9 @@ TEST(LabelTypes, BadJsonIsRefusedWithTheReason) {
   EXPECT_THAT(message("[1]"), HasSubstr("found no object \"labels\""));
   EXPECT_THAT(message(R"({"labels": {"0": "plane"}})"), HasSubstr("a label of 1 to 65535"));
   EXPECT_THAT(message(R"({"labels": {"70000": "plane"}})"), HasSubstr("found '70000'"));
-  EXPECT_THAT(message(R"({"labels": {"1": "torus"}})"),
-              HasSubstr("label 1 is 'torus', expected one of plane, sphere, cylinder, cone, "
-                        "ellipsoid, cuboid, or null"));
+  EXPECT_THAT(message(R"({"labels": {"1": "pyramid"}})"),
+              HasSubstr("label 1 is 'pyramid', expected one of plane, sphere, cylinder, cone, "
+                        "ellipsoid, cuboid, torus, bezier_curve, or null"));
   EXPECT_THAT(message(R"({"labels": {"1": "vp"}})"), HasSubstr("label 1 is 'vp'"))
       << "a vanishing point is no region";
   EXPECT_THAT(message(R"({"labels": {"1": 7}})"), HasSubstr("label 1 is 'number'"));

@@ -467,21 +467,6 @@ Reconstruction WithoutStructure(Reconstruction model) {
   return model;
 }
 
-// Groups of types that LIMAP has; how many are left out.
-size_t DropUnknownTypes(Reconstruction* model) {
-  const size_t before = model->groups3D.size();
-  model->DeleteGroups3D(
-      [](group3D_t, const Group3D& group) { return LimapCodeOf(*group.type) < 0; });
-  for (auto* images : {&model->images, &model->unregistered_images}) {
-    for (auto& [image_id, image] : *images) {
-      model->RemoveGroups2D(image_id, [&image = image](group2D_t idx) {
-        return LimapCodeOf(*image.groups2D[idx].type) < 0;
-      });
-    }
-  }
-  return before - model->groups3D.size();
-}
-
 bool IsWrittenFile(std::string_view name) {
   return IsModelFile(name) || IsLimapFile(name) || name == kDatabase;
 }
@@ -507,6 +492,20 @@ bool IsLimapFile(std::string_view name) {
 
 void ReadLimapStructures(const fs::path& folder, Reconstruction* model) {
   StructureReader(folder, model).Read();
+}
+
+size_t DeleteTypesUnknownToLimap(Reconstruction* model) {
+  const size_t before = model->groups3D.size();
+  model->DeleteGroups3D(
+      [](group3D_t, const Group3D& group) { return LimapCodeOf(*group.type) < 0; });
+  for (auto* images : {&model->images, &model->unregistered_images}) {
+    for (auto& [image_id, image] : *images) {
+      model->RemoveGroups2D(image_id, [&image = image](group2D_t idx) {
+        return LimapCodeOf(*image.groups2D[idx].type) < 0;
+      });
+    }
+  }
+  return before - model->groups3D.size();
 }
 
 LimapStructure2d LimapStructureOf(const Reconstruction& model, image_t image_id) {
@@ -538,7 +537,7 @@ LimapStructure2d LimapStructureOf(const Reconstruction& model, image_t image_id)
 
 void WriteLimap(const Reconstruction& input, const fs::path& folder) {
   Reconstruction model = input;
-  if (const size_t num_dropped = DropUnknownTypes(&model); num_dropped > 0)
+  if (const size_t num_dropped = DeleteTypesUnknownToLimap(&model); num_dropped > 0)
     LogWarning("Left out {} of types that LIMAP does not have", Counted(num_dropped, "group"));
   if (!model.relations.empty()) {
     LogInfo("Left out {}, which LIMAP finds anew when it adjusts",

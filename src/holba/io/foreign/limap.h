@@ -26,6 +26,9 @@ bool HoldsLimapStructures(const std::filesystem::path& folder);
 // are left to the caller.
 void ReadLimapStructures(const std::filesystem::path& folder, Reconstruction* model);
 
+// Deletes the groups, in 3D and in the images, of types that LIMAP lacks. Returns how many in 3D.
+size_t DeleteTypesUnknownToLimap(Reconstruction* model);
+
 // The model in LIMAP's form, binary: its reader of text refuses its own files. Not held by it are
 // relations, colours of lines and groups that its types lack. With structure_database.db, in which
 // segments of one line are matches.

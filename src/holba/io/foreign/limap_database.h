@@ -35,8 +35,9 @@ LimapDatabase ReadLimapDatabase(const std::filesystem::path& path);
 void FormatLimapDatabase(const LimapDatabase& limap, std::ostream* stream);
 void WriteLimapDatabase(const LimapDatabase& limap, const std::filesystem::path& path);
 
-// A model's 2D features; segments (groups) of one 3D line (group) are matches. 2D groups have the
-// parameters that their 3D group gives them in the image.
+// A model's 2D features, all groups of types that LIMAP has (DeleteTypesUnknownToLimap); segments
+// (groups) of one 3D line (group) are matches. 2D groups have the parameters that their 3D group
+// gives them in the image.
 LimapDatabase LimapDatabaseOf(const Reconstruction& model);
 // What is in a COLMAP database's tables of ours: segments, vanishing points, matches of segments.
 LimapDatabase LimapDatabaseOf(const Database& database);
