@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "holba/base/check.h"
 #include "holba/base/threads.h"
@@ -12,7 +13,8 @@
 namespace holba {
 namespace {
 
-constexpr int kBandRows = 16;  // of the picture, drawn at a time by one thread
+// Of the picture, drawn at a time by one thread: few, so that their samples stay in its cache.
+constexpr int kBandRows = 8;
 constexpr Rgb kHalo = {255, 255, 255};
 constexpr uint32_t kNoFragment = std::numeric_limits<uint32_t>::max();
 
@@ -50,37 +52,33 @@ bool SceneRaster::Rows(double low_px, double high_px, int* first, int* last) con
   return *first <= *last;
 }
 
-// The samples of some rows.
+// The samples of some rows. Only pixels that something covers are sampled: the others stay as they
+// are in the background.
 class SceneRaster::Band {
  public:
   Band(const SceneRaster& raster, int first_row, int num_rows)
       : raster_(raster),
-        columns_(raster.background_.width * kFineness),
+        width_(raster.background_.width),
+        columns_(width_ * kFineness),
         rows_(num_rows * kFineness),
         top_(first_row * kFineness),
-        colours_(static_cast<size_t>(columns_) * rows_),
-        nearness_(colours_.size(), -std::numeric_limits<float>::infinity()),
-        fragment_of_(colours_.size(), kNoFragment) {
-    for (int row = 0; row < rows_; ++row) {
-      const uint8_t* source =
-          &raster.background_
-               .pixels[size_t{3} * ((top_ + row) / kFineness) * raster.background_.width];
-      for (int column = 0; column < columns_; ++column) {
-        const uint8_t* rgb = source + 3 * (column / kFineness);
-        colours_[At(column, row)] = {rgb[0], rgb[1], rgb[2]};
-      }
-    }
-  }
+        is_opaque_(static_cast<size_t>(width_) * num_rows, 0),
+        fragment_of_(is_opaque_.size(), kNoFragment),
+        opaque_(static_cast<size_t>(columns_) * rows_) {}
 
   void Draw(const Dot& dot) {
     const double radius = dot.radius_px * kFineness;
     const Eigen::Vector2d centre = Sample(dot.centre);
     const auto nearness = static_cast<float>(dot.centre.nearness);
-    const Eigen::Vector2d reach(radius, radius);
-    ForBox(centre - reach, centre + reach, [&](int column, int row) {
-      const double dx = column - centre.x(), dy = row - centre.y();
-      if (dx * dx + dy * dy <= radius * radius) Put(At(column, row), nearness, dot.colour);
-    });
+    const int left = std::max(static_cast<int>(std::ceil(centre.x() - radius)), 0);
+    const int right = std::min(static_cast<int>(std::floor(centre.x() + radius)), columns_ - 1);
+    const auto [first, last] = RowsWithin(centre.y() - radius, centre.y() + radius);
+    for (int row = first; row <= last; ++row) {
+      for (int column = left; column <= right; ++column) {
+        const double dx = column - centre.x(), dy = row - centre.y();
+        if (dx * dx + dy * dy <= radius * radius) Put(column, row, nearness, dot.colour);
+      }
+    }
   }
 
   void Draw(const Line& line) {
@@ -93,10 +91,8 @@ class SceneRaster::Band {
                  ? std::clamp((way.x() * (x - a.x()) + way.y() * (y - a.y())) / square, 0.0, 1.0)
                  : 0.0;
     };
-    const Eigen::Vector2d b = a + way;
-    const int first = std::max(static_cast<int>(std::ceil(std::min(a.y(), b.y()) - reach)), 0);
-    const int last =
-        std::min(static_cast<int>(std::floor(std::max(a.y(), b.y()) + reach)), rows_ - 1);
+    const double y2 = a.y() + way.y();
+    const auto [first, last] = RowsWithin(std::min(a.y(), y2) - reach, std::max(a.y(), y2) + reach);
     for (int row = first; row <= last; ++row) {
       // Columns that the line passes while it is within reach of this row.
       double t1 = 0.0, t2 = 1.0;
@@ -110,99 +106,166 @@ class SceneRaster::Band {
           std::min(static_cast<int>(std::floor(std::max(x1, x2) + reach)), columns_ - 1);
       for (int column = left; column <= right; ++column) {
         const double t = along(column, row);
-        const double distance = std::hypot(column - a.x() - t * way.x(), row - a.y() - t * way.y());
-        if (distance > reach) continue;
+        const double dx = column - a.x() - t * way.x(), dy = row - a.y() - t * way.y();
+        const double square_distance = dx * dx + dy * dy;
+        if (square_distance > reach * reach) continue;
         const double nearness = line.a.nearness + t * (line.b.nearness - line.a.nearness);
-        if (distance <= half) {
-          Put(At(column, row), static_cast<float>(nearness), line.colour);
+        if (square_distance <= half * half) {
+          Put(column, row, static_cast<float>(nearness), line.colour);
         } else {
           // Behind the line by the slack, so that lines that meet do not cut each other.
-          Put(At(column, row), static_cast<float>(nearness - 2.0 * raster_.Slack(nearness)), kHalo);
+          Put(column, row, static_cast<float>(nearness - 2.0 * raster_.Slack(nearness)), kHalo);
         }
       }
     }
   }
 
+  // After everything that is opaque.
   void Draw(const Triangle& triangle) {
     const std::array<Eigen::Vector2d, 3> p = {
         Sample(triangle.corners[0]), Sample(triangle.corners[1]), Sample(triangle.corners[2])};
-    const auto cross = [](const Eigen::Vector2d& u, const Eigen::Vector2d& v) {
-      return u.x() * v.y() - u.y() * v.x();
-    };
-    const double area = cross(p[1] - p[0], p[2] - p[0]);
+    const double area = Cross(p[1] - p[0], p[2] - p[0]);
     if (std::abs(area) < 1e-9) return;
-    ForBox(p[0].cwiseMin(p[1]).cwiseMin(p[2]), p[0].cwiseMax(p[1]).cwiseMax(p[2]),
-           [&](int column, int row) {
-             const Eigen::Vector2d at(column, row);
-             double weights[3], nearness = 0.0;
-             for (int k = 0; k < 3; ++k) {
-               const int i = (k + 1) % 3, j = (k + 2) % 3;
-               weights[k] = cross(p[j] - p[i], at - p[i]) / area;
-               // Of two triangles that share an edge one has its samples: the edge is on one side
-               // of the sample for both of them, by the same numbers.
-               if (weights[k] < 0.0) return;
-               if (weights[k] == 0.0 && !OwnsEdge(p[i], p[j], area)) return;
-               nearness += weights[k] * triangle.corners[k].nearness;
-             }
-             AddFragment(At(column, row), static_cast<float>(nearness), triangle);
-           });
-  }
-
-  void Resolve(ColourImage* picture) {
-    std::vector<Fragment> layers;
-    for (size_t at = 0; at < colours_.size(); ++at) {
-      if (fragment_of_[at] == kNoFragment) continue;
-      layers.clear();
-      for (uint32_t i = fragment_of_[at]; i != kNoFragment; i = fragments_[i].next) {
-        const double nearness = fragments_[i].nearness;
-        if (nearness > nearness_[at] + raster_.Slack(nearness)) layers.push_back(fragments_[i]);
+    // Nearness is linear in the picture.
+    Layer layer{.triangle = static_cast<uint32_t>(&triangle - raster_.triangles_.data())};
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::Vector2d &from = p[(k + 1) % 3], way = p[(k + 2) % 3] - from;
+      const double nearness = triangle.corners[k].nearness / area;
+      layer.at_origin += nearness * Cross(way, -from);
+      layer.by_column += nearness * -way.y();
+      layer.by_row += nearness * way.x();
+    }
+    layers_.push_back(layer);
+    const auto [low, high] = std::minmax({p[0].y(), p[1].y(), p[2].y()});
+    const auto [first, last] = RowsWithin(low, high);
+    for (int row = first / kFineness; row <= last / kFineness && first <= last; ++row) {
+      // The samples of each of the pixels' rows that lie inside.
+      std::array<std::pair<int, int>, kFineness> spans;
+      int left = columns_, right = -1;
+      for (int i = 0; i < kFineness; ++i) {
+        spans[i] = SpanInside(p, area, row * kFineness + i);
+        if (spans[i].first > spans[i].second) continue;
+        left = std::min(left, spans[i].first);
+        right = std::max(right, spans[i].second);
       }
-      // The farthest first; of equally near ones that of the later triangle is on top.
-      std::sort(layers.begin(), layers.end(), [](const Fragment& a, const Fragment& b) {
-        return a.nearness != b.nearness ? a.nearness < b.nearness : a.triangle < b.triangle;
-      });
-      for (const Fragment& layer : layers) {
-        for (int k = 0; k < 3; ++k) {
-          colours_[at][k] += layer.opacity * (layer.colour[k] - colours_[at][k]);
+      for (int column = left / kFineness; column <= right / kFineness && left <= right; ++column) {
+        uint32_t samples = 0;
+        for (int i = 0; i < kFineness; ++i) {
+          for (int j = 0; j < kFineness; ++j) {
+            const int at = column * kFineness + j;
+            if (spans[i].first <= at && at <= spans[i].second) samples |= Bit(i, j);
+          }
         }
+        if (samples == 0) continue;
+        const size_t pixel = static_cast<size_t>(row) * width_ + column;
+        constexpr int kMiddle = kFineness / 2;
+        fragments_.push_back(
+            {static_cast<float>(layer.At(column * kFineness + kMiddle, row * kFineness + kMiddle)),
+             static_cast<uint32_t>(layers_.size() - 1), samples, fragment_of_[pixel]});
+        fragment_of_[pixel] = static_cast<uint32_t>(fragments_.size() - 1);
       }
     }
-    for (int row = 0; row < rows_ / kFineness; ++row) {
-      uint8_t* target = &picture->pixels[size_t{3} * (top_ / kFineness + row) * picture->width];
-      for (int column = 0; column < picture->width; ++column) {
-        for (int k = 0; k < 3; ++k) {
-          float sum = 0.0f;
-          for (int i = 0; i < kFineness; ++i) {
-            for (int j = 0; j < kFineness; ++j)
-              sum += colours_[At(column * kFineness + j, row * kFineness + i)][k];
-          }
-          *target++ = static_cast<uint8_t>(std::lround(sum / (kFineness * kFineness)));
-        }
+  }
+
+  void Resolve(ColourImage* picture) const {
+    std::vector<Fragment> fragments;
+    uint8_t* target = &picture->pixels[size_t{3} * (top_ / kFineness) * width_];
+    for (size_t pixel = 0; pixel < fragment_of_.size(); ++pixel, target += 3) {
+      if (fragment_of_[pixel] == kNoFragment && !is_opaque_[pixel]) continue;
+      fragments.clear();
+      bool is_whole = true;
+      for (uint32_t i = fragment_of_[pixel]; i != kNoFragment; i = fragments_[i].next) {
+        fragments.push_back(fragments_[i]);
+        is_whole = is_whole && fragments_[i].samples == kAllSamples;
       }
+      // The farthest first; of equally near ones that of the later triangle is on top.
+      std::sort(fragments.begin(), fragments.end(), [](const Fragment& a, const Fragment& b) {
+        return a.nearness != b.nearness ? a.nearness < b.nearness : a.layer < b.layer;
+      });
+      const Colour background(target[0], target[1], target[2]);
+      Colour mean = background;
+      if (is_whole && !is_opaque_[pixel]) {
+        for (const Fragment& fragment : fragments) Blend(fragment, &mean);
+      } else {
+        mean.setZero();
+        for (int i = 0; i < kFineness; ++i) {
+          for (int j = 0; j < kFineness; ++j) {
+            mean += SampleColour(static_cast<int>(pixel % width_) * kFineness + j,
+                                 static_cast<int>(pixel / width_) * kFineness + i, Bit(i, j),
+                                 background, fragments);
+          }
+        }
+        mean /= kFineness * kFineness;
+      }
+      for (int k = 0; k < 3; ++k) target[k] = static_cast<uint8_t>(mean[k] + 0.5f);
     }
   }
 
  private:
-  struct Fragment {
-    float nearness, opacity;
-    Rgb colour;
-    uint32_t next, triangle;
+  using Colour = Eigen::Array3f;
+  struct Opaque {
+    float nearness = -std::numeric_limits<float>::infinity();
+    Rgb colour = {};
   };
+  // A triangle, with its nearness over the samples of this band.
+  struct Layer {
+    uint32_t triangle;
+    double at_origin = 0.0, by_column = 0.0, by_row = 0.0;
+    double At(int column, int row) const { return at_origin + column * by_column + row * by_row; }
+  };
+  // What a layer covers of a pixel.
+  struct Fragment {
+    float nearness;  // in the middle
+    uint32_t layer, samples, next;
+  };
+  static constexpr uint32_t kAllSamples = (uint32_t{1} << (kFineness * kFineness)) - 1;
+  static constexpr uint32_t Bit(int i, int j) { return uint32_t{1} << (i * kFineness + j); }
+
+  // First and last of the samples of a row inside a triangle; first > last: none.
+  std::pair<int, int> SpanInside(const std::array<Eigen::Vector2d, 3>& p, double area,
+                                 int row) const {
+    const auto is_inside = [&](int column) {
+      for (int k = 0; k < 3; ++k) {
+        const Eigen::Vector2d &from = p[(k + 1) % 3], &to = p[(k + 2) % 3];
+        const double weight = Cross(to - from, Eigen::Vector2d(column, row) - from) / area;
+        // Of two triangles that share an edge one has its samples: the edge is on one side of the
+        // sample for both of them, by the same numbers.
+        if (weight < 0.0 || (weight == 0.0 && !OwnsEdge(from, to, area))) return false;
+      }
+      return true;
+    };
+    double from = columns_, to = -1.0;  // where edges cross this row
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::Vector2d &a = p[k], &b = p[(k + 1) % 3];
+      if (std::min(a.y(), b.y()) > row || std::max(a.y(), b.y()) < row) continue;
+      const bool is_level = std::abs(b.y() - a.y()) < 1e-9;
+      const double x = is_level ? b.x() : a.x() + (row - a.y()) / (b.y() - a.y()) * (b.x() - a.x());
+      from = std::min({from, x, is_level ? a.x() : x});
+      to = std::max({to, x, is_level ? a.x() : x});
+    }
+    // Rounding moves a crossing by much less than a sample: only the outermost need the test.
+    int left = static_cast<int>(std::clamp(from - 1.0, 0.0, static_cast<double>(columns_)));
+    int right = static_cast<int>(std::clamp(to + 1.0, -1.0, columns_ - 1.0));
+    while (left <= right && !is_inside(left)) ++left;
+    while (left <= right && !is_inside(right)) --right;
+    return {left, right};
+  }
 
   size_t At(int column, int row) const { return static_cast<size_t>(row) * columns_ + column; }
+  size_t Pixel(int column, int row) const {
+    return static_cast<size_t>(row / kFineness) * width_ + column / kFineness;
+  }
   // In samples of this band: the centre of the first is 0.
   Eigen::Vector2d Sample(const RasterPlace& place) const {
     return {place.pixel.x() * kFineness - 0.5, place.pixel.y() * kFineness - 0.5 - top_};
   }
-  template <typename Body>
-  void ForBox(const Eigen::Vector2d& low, const Eigen::Vector2d& high, Body body) const {
-    const int left = std::max(static_cast<int>(std::ceil(low.x())), 0);
-    const int right = std::min(static_cast<int>(std::floor(high.x())), columns_ - 1);
-    const int first = std::max(static_cast<int>(std::ceil(low.y())), 0);
-    const int last = std::min(static_cast<int>(std::floor(high.y())), rows_ - 1);
-    for (int row = first; row <= last; ++row) {
-      for (int column = left; column <= right; ++column) body(column, row);
-    }
+  // The first and the last one.
+  std::pair<int, int> RowsWithin(double low, double high) const {
+    return {std::max(static_cast<int>(std::ceil(low)), 0),
+            std::min(static_cast<int>(std::floor(high)), rows_ - 1)};
+  }
+  static double Cross(const Eigen::Vector2d& u, const Eigen::Vector2d& v) {
+    return u.x() * v.y() - u.y() * v.x();
   }
   // Of an edge from p to q of a triangle that turns as the sign of its area says: the same edge of
   // the neighbour runs the other way with the same sign, or the same way with the other.
@@ -211,24 +274,41 @@ class SceneRaster::Band {
     return way.y() > 0.0 || (way.y() == 0.0 && way.x() < 0.0);
   }
 
-  void Put(size_t at, float nearness, const Rgb& colour) {
-    if (nearness < nearness_[at]) return;
-    nearness_[at] = nearness;
-    colours_[at] = {float(colour[0]), float(colour[1]), float(colour[2])};
+  void Put(int column, int row, float nearness, const Rgb& colour) {
+    Opaque& opaque = opaque_[At(column, row)];
+    if (nearness < opaque.nearness) return;
+    opaque = {nearness, colour};
+    is_opaque_[Pixel(column, row)] = 1;
   }
 
-  void AddFragment(size_t at, float nearness, const Triangle& triangle) {
-    const auto index = static_cast<uint32_t>(&triangle - raster_.triangles_.data());
-    fragments_.push_back(
-        {nearness, static_cast<float>(triangle.opacity), triangle.colour, fragment_of_[at], index});
-    fragment_of_[at] = static_cast<uint32_t>(fragments_.size() - 1);
+  void Blend(const Fragment& fragment, Colour* colour) const {
+    const Triangle& triangle = raster_.triangles_[layers_[fragment.layer].triangle];
+    const Colour above(triangle.colour[0], triangle.colour[1], triangle.colour[2]);
+    *colour += static_cast<float>(triangle.opacity) * (above - *colour);
+  }
+
+  // What is opaque there, or the background, under the fragments in front of it.
+  Colour SampleColour(int column, int row, uint32_t bit, const Colour& background,
+                      const std::vector<Fragment>& fragments) const {
+    const Opaque& opaque = opaque_[At(column, row)];
+    Colour colour = background;
+    if (std::isfinite(opaque.nearness))
+      colour = Colour(opaque.colour[0], opaque.colour[1], opaque.colour[2]);
+    for (const Fragment& fragment : fragments) {
+      if ((fragment.samples & bit) == 0) continue;
+      const double nearness = layers_[fragment.layer].At(column, row);
+      if (nearness > opaque.nearness + raster_.Slack(nearness)) Blend(fragment, &colour);
+    }
+    return colour;
   }
 
   const SceneRaster& raster_;
-  int columns_, rows_, top_;  // in samples
-  std::vector<std::array<float, 3>> colours_;
-  std::vector<float> nearness_;
-  std::vector<uint32_t> fragment_of_;  // the first of the list of a sample
+  int width_, columns_, rows_, top_;  // the width in pixels, else in samples
+  // By pixel: whether something opaque is there, and the first of the list of its fragments.
+  std::vector<uint8_t> is_opaque_;
+  std::vector<uint32_t> fragment_of_;
+  std::vector<Opaque> opaque_;  // by sample
+  std::vector<Layer> layers_;
   std::vector<Fragment> fragments_;
 };
 
@@ -240,7 +320,7 @@ ColourImage SceneRaster::Render(int num_threads) const {
     std::vector<uint32_t> dots, lines, triangles;
   };
   std::vector<Content> contents(num_bands);
-  const auto put = [&](double low, double high, std::vector<uint32_t> Content::*list, size_t i) {
+  const auto put = [&](double low, double high, std::vector<uint32_t> Content::* list, size_t i) {
     int first = 0, last = 0;
     if (!Rows(low, high, &first, &last)) return;
     for (int band = first / kBandRows; band <= last / kBandRows; ++band)
