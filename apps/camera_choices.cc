@@ -30,6 +30,8 @@ json CameraModelsToJson(std::span<const CameraModelTrial> trials) {
                    {"to", trial.to},
                    {"cost_of_richer", trial.difference.mean},
                    {"standard_error", trial.difference.standard_error},
+                   {"cost_of_richer_carried", trial.carried.mean},
+                   {"standard_error_carried", trial.carried.standard_error},
                    {"taken", trial.taken}});
   }
   return all;

@@ -57,6 +57,13 @@ void BundleOptions::RememberPrincipalPoints(const Reconstruction& model) {
   }
 }
 
+void BundleOptions::RestorePrincipalPoints(Reconstruction* model) const {
+  for (auto& [id, camera] : model->cameras) {
+    const Eigen::Vector2d& known_px = known_principal_points_px.at(id);
+    for (int k = 0; k < 2; ++k) camera.params[camera.model->principal_point_idxs[k]] = known_px[k];
+  }
+}
+
 void BundleOptions::Describe(OptionTable* table) const {
   table->Section("Bundle");
   table

@@ -149,6 +149,8 @@ struct BundleOptions {
   void HoldCameras();
   // What is known of the principal points of cameras is where they stand now, if nothing is yet.
   void RememberPrincipalPoints(const Reconstruction& model);
+  // Puts them there. All must be remembered.
+  void RestorePrincipalPoints(Reconstruction* model) const;
   // The choice of a family for a model (or, `is_bal`, a BAL problem).
   void SetDefaultLosses(bool is_bal);
   void Describe(OptionTable* table) const;

@@ -12,6 +12,7 @@
 namespace holba {
 namespace {
 
+using testing::AnyOf;
 using testing::Each;
 using testing::Field;
 using testing::IsEmpty;
@@ -114,6 +115,18 @@ TEST(ChooseCameraModels, FisheyeIsFound) {
       SaidToBe("SIMPLE_RADIAL", Photographs("OPENCV_FISHEYE", lens, false, 1.0, 2.2));
   ChooseModels(&model);
   EXPECT_EQ(model.cameras.at(1).model->name, "OPENCV_FISHEYE");
+}
+
+TEST(ChooseCameraModels, WhatIsNotUsableIsNotTaken) {
+  const std::vector<double> lens = {420, 420, 500, 480, 0.02, -0.01, 0.004, -0.001};
+  Reconstruction model =
+      SaidToBe("SIMPLE_RADIAL", Photographs("OPENCV_FISHEYE", lens, false, 1.0, 2.2));
+  const CameraCondition is_usable = [](const Camera& camera) {
+    return camera.model->name != "OPENCV_FISHEYE" && camera.model->name != "FULL_OPENCV";
+  };
+  const auto trials = ChooseCameraModels(Options(), Solver(), {}, {}, &model, is_usable);
+  for (const CameraModelTrial& trial : trials) EXPECT_THAT(trial.to, AnyOf("OPENCV", "RADIAL"));
+  EXPECT_THAT(model.cameras.at(1).model->name, AnyOf("OPENCV", "RADIAL"));
 }
 
 TEST(ChooseCameraModels, HeldIntrinsicsStay) {

@@ -39,8 +39,13 @@ constexpr Ladder kLadders[] = {
 class Choice {
  public:
   Choice(const BundleOptions& options, const SolverOptions& solver_options,
-         const std::function<void(const std::string&)>& log, const Ladder& ladder)
-      : options_(options), solver_options_(solver_options), log_(log), ladder_(ladder) {}
+         const std::function<void(const std::string&)>& log, const CameraCondition& is_usable,
+         const Ladder& ladder)
+      : options_(options),
+        solver_options_(solver_options),
+        log_(log),
+        is_usable_(is_usable),
+        ladder_(ladder) {}
 
   // Of a model that is adjusted; so is what is returned, if anything is.
   std::optional<Reconstruction> Run(const Reconstruction& adjusted, const NoiseSigmas& sigmas) {
@@ -78,12 +83,17 @@ class Choice {
     NoiseSigmas sigmas;
   };
 
-  // With the cameras of the choice in another model. Empty: no camera of it sees what these see.
+  // With the cameras of the choice in another model. Empty: no camera of it sees what these see, or
+  // what they become is not usable.
   std::optional<Fitted> Adjusted(const Reconstruction& start, std::string_view name) const {
     const CameraModel& to = *FindCameraModel(name);
     Fitted fitted{start, {}};
     if (!ConvertCameras(cameras_, to, &fitted.model)) return std::nullopt;
     fitted.sigmas = AdjustBundle(options_, solver_options_, &fitted.model).auto_sigmas;
+    if (is_usable_ && !std::all_of(cameras_.begin(), cameras_.end(), [&](camera_t id) {
+          return is_usable_(fitted.model.cameras.at(id));
+        }))
+      return std::nullopt;
     return fitted;
   }
 
@@ -99,12 +109,18 @@ class Choice {
     CameraModelTrial trial{std::string(from), std::string(to), cameras_.size(), {}, false};
     trial.difference = ComparePredictions({options_, richer.model}, {options_, simpler.model},
                                           simpler.sigmas, solver_options_);
-    trial.taken = trial.difference.mean < -kMinGainErrors * trial.difference.standard_error;
-    if (log_) {
-      log_(fmt::format("Points left out cost {:+.4f} +- {:.4f} with {} in the place of {} for {}",
-                       trial.difference.mean, trial.difference.standard_error, trial.to, trial.from,
-                       Counted(trial.num_cameras, "camera")));
+    std::string words =
+        fmt::format("Points left out cost {:+.4f} +- {:.4f} with {} in the place of {} for {}",
+                    trial.difference.mean, trial.difference.standard_error, trial.to, trial.from,
+                    Counted(trial.num_cameras, "camera"));
+    if (trial.difference.mean < -kMinGainErrors * trial.difference.standard_error) {
+      trial.carried = CompareCarried({options_, richer.model}, {options_, simpler.model},
+                                     simpler.sigmas, solver_options_);
+      trial.taken = trial.carried.mean < 0.0;
+      words += fmt::format(", {:+.4f} +- {:.4f} with that of other images", trial.carried.mean,
+                           trial.carried.standard_error);
     }
+    if (log_) log_(words);
     trials.push_back(trial);
     return trial.taken;
   }
@@ -112,6 +128,7 @@ class Choice {
   const BundleOptions& options_;
   const SolverOptions& solver_options_;
   const std::function<void(const std::string&)>& log_;
+  const CameraCondition& is_usable_;
   const Ladder& ladder_;
   std::set<camera_t> cameras_;
 };
@@ -140,7 +157,8 @@ std::vector<CameraModelTrial> ChooseCameraModels(const BundleOptions& given,
                                                  const SolverOptions& solver_options,
                                                  const NoiseSigmas& sigmas,
                                                  const std::function<void(const std::string&)>& log,
-                                                 Reconstruction* model) {
+                                                 Reconstruction* model,
+                                                 const CameraCondition& is_usable) {
   std::vector<CameraModelTrial> trials;
   if (!given.refine_focal_length || !given.refine_extra_params) return trials;
   const std::optional<BundleOptions> points_alone = PointsAlone(given);
@@ -158,7 +176,7 @@ std::vector<CameraModelTrial> ChooseCameraModels(const BundleOptions& given,
       adjusted = *model;
       known = AdjustBundle(options, solver_options, &*adjusted, {}, {}, known).auto_sigmas;
     }
-    Choice choice(options, solver_options, log, ladder);
+    Choice choice(options, solver_options, log, is_usable, ladder);
     if (auto better = choice.Run(*adjusted, known)) {
       adjusted = *better;
       *model = std::move(*better);

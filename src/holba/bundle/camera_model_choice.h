@@ -22,12 +22,17 @@ const CameraModel* RicherModel(const CameraModel& model);
 // (the model is partly changed then).
 bool ConvertCameras(const std::set<camera_t>& ids, const CameraModel& to, Reconstruction* model);
 
+using CameraCondition = std::function<bool(const Camera&)>;
+
 // One model tried in the place of another for all cameras of that.
 struct CameraModelTrial {
   std::string from, to;
   size_t num_cameras = 0;
   PairedMean difference;  // mean cost of the points left out, richer less simpler
-  bool taken = false;     // the richer one
+  // Alike with the cameras of the other half of the images (CompareCarried); only where points left
+  // out say richer.
+  PairedMean carried;
+  bool taken = false;  // the richer one
 };
 
 // Adjusts the points of the model with its cameras in richer lens models (OPENCV; where that
@@ -35,11 +40,13 @@ struct CameraModelTrial {
 // richer one surpasses by more than chance. Cameras whose focal length or distortion is held stay,
 // as do those of models without a richer one here. The model is changed only where a richer one is
 // taken: then it is that adjustment's points, poses and cameras. `sigmas`: the noise of points, if
-// it is known. `log`: a sentence for each trial.
+// it is known. `log`: a sentence for each trial. `is_usable`: what a camera of a richer model must
+// be for the model to be tried against others; none: any camera is.
 std::vector<CameraModelTrial> ChooseCameraModels(const BundleOptions& options,
                                                  const SolverOptions& solver_options,
                                                  const NoiseSigmas& sigmas,
                                                  const std::function<void(const std::string&)>& log,
-                                                 Reconstruction* model);
+                                                 Reconstruction* model,
+                                                 const CameraCondition& is_usable = {});
 
 }  // namespace holba

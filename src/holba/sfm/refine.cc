@@ -123,6 +123,7 @@ class Refiner {
     BundleOptions holding = options;
     holding.refine_principal_point = false;
     Reconstruction held = given;
+    bundle_.RestorePrincipalPoints(&held);  // a lens model may have been chosen with others
     const BundleSummary summary =
         AdjustBundle(holding, options_.solver, &held, {}, {}, known_sigmas_);
     report_.principal_point =
