@@ -63,12 +63,13 @@ PaperBenchReport BenchPrimitives(const PaperBenchOptions& options) {
                   "Primitives of label maps on a table, cameras held at the truth; errors are "
                   "medians over the objects of a scene:",
                   kTypes, options.SeedNames(),
+                  // Rows are things of different kinds, which are not to be compared.
                   {{"true", BetterIs::kNeither, 1},
-                   {"found", BetterIs::kHigher, 1},
-                   {"of none", BetterIs::kLower, 1},
-                   {"radius, %", BetterIs::kLower, 2},
-                   {"angle, deg", BetterIs::kLower, 3},
-                   {"place, mm", BetterIs::kLower, 2}});
+                   {"found", BetterIs::kNeither, 1},
+                   {"of none", BetterIs::kNeither, 1},
+                   {"radius, %", BetterIs::kNeither, 2},
+                   {"angle, deg", BetterIs::kNeither, 3},
+                   {"place, mm", BetterIs::kNeither, 2}});
   for (size_t c = 0; c < table.cases.size(); ++c) {
     const RenderedSet set = sets.Table(static_cast<int>(c));
     const Reconstruction model =

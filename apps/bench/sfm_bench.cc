@@ -114,7 +114,7 @@ std::vector<std::vector<SfmBenchResult>> MapAll(const SfmBenchOptions& options) 
   return results;
 }
 
-// MillisecondsEach of one iteration; not a number where there was none.
+// Of one iteration; not a number where there was none.
 double MillisecondsEach(double seconds, size_t num_iterations) {
   return num_iterations == 0 ? std::numeric_limits<double>::quiet_NaN()
                              : 1e3 * seconds / static_cast<double>(num_iterations);
@@ -219,7 +219,7 @@ PaperBenchReport BenchSfm(const SfmBenchOptions& options) {
 PaperBenchReport BenchBreakdown(const SfmBenchOptions& options) {
   PaperBenchReport report;
   report.tables = {TableOfRuns(options, MapAll(options), "breakdown",
-                               "MillisecondsEach of the first iteration of an adjustment, with the "
+                               "Milliseconds of the first iteration of an adjustment, with the "
                                "analysis of the problem, and "
                                "of a later one:",
                                {{"local: first", BetterIs::kNeither, 2},
