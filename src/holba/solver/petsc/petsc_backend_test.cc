@@ -142,7 +142,6 @@ INSTANTIATE_TEST_SUITE_P(
                          "-ksp_type preonly -pc_type cholesky -pc_factor_mat_solver_type mumps"},
                     Case{"Schwarz", LinearSolver::kAuto,
                          "-mat_type aij -pc_type asm -pc_asm_overlap 1 -sub_pc_type lu"},
-                    Case{"Multigrid", LinearSolver::kAuto, "-mat_type aij -pc_type gamg"},
                     Case{"Blocks", LinearSolver::kAuto, "-mat_type baij -pc_type bjacobi"},
                     Case{"PointBlocks", LinearSolver::kAuto, "-mat_type aij -pc_type pbjacobi"}),
     NameOfCase);
