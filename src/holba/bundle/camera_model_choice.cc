@@ -113,10 +113,13 @@ class Choice {
         fmt::format("Points left out cost {:+.4f} +- {:.4f} with {} in the place of {} for {}",
                     trial.difference.mean, trial.difference.standard_error, trial.to, trial.from,
                     Counted(trial.num_cameras, "camera"));
-    if (trial.difference.mean < -kMinGainErrors * trial.difference.standard_error) {
+    const auto is_gain = [](const PairedMean& difference) {
+      return difference.mean < -kMinGainErrors * difference.standard_error;
+    };
+    if (is_gain(trial.difference)) {
       trial.carried = CompareCarried({options_, richer.model}, {options_, simpler.model},
                                      simpler.sigmas, solver_options_);
-      trial.taken = trial.carried.mean < 0.0;
+      trial.taken = is_gain(trial.carried);
       words += fmt::format(", {:+.4f} +- {:.4f} with that of other images", trial.carried.mean,
                            trial.carried.standard_error);
     }
