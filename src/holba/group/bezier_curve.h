@@ -5,7 +5,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -18,6 +17,7 @@
 #include <vector>
 
 #include "holba/geometry/dual.h"
+#include "holba/geometry/least_squares.h"
 #include "holba/group/fit.h"
 #include "holba/group/group_math.h"
 #include "holba/group/group_type.h"
@@ -389,7 +389,7 @@ struct BezierCurve {
       A.row(static_cast<Eigen::Index>(i)) << weights[0], weights[1], weights[2], weights[3];
       b.row(static_cast<Eigen::Index>(i)) = points[i].transpose();
     }
-    const Eigen::MatrixXd x = A.colPivHouseholderQr().solve(b);
+    const Eigen::MatrixXd x = LeastSquares(A, b);
     if (!x.allFinite()) return std::nullopt;
     Params g;
     for (int i = 0; i < 4; ++i) g.segment<3>(3 * i) = x.row(i).transpose();

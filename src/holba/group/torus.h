@@ -17,6 +17,7 @@
 #include <string_view>
 #include <vector>
 
+#include "holba/geometry/least_squares.h"
 #include "holba/geometry/symmetric_solve.h"
 #include "holba/group/fit.h"
 #include "holba/group/group_math.h"
@@ -227,7 +228,7 @@ struct Torus {
           X[2] * X[2], 2 * X[0] * X[1], 2 * X[0] * X[2], 2 * X[1] * X[2], X.transpose(), 1.0;
       b[static_cast<Eigen::Index>(i)] = -q * q;
     }
-    const Eigen::VectorXd x = A.colPivHouseholderQr().solve(b);
+    const Eigen::VectorXd x = LeastSquares(A, b);
     if (!x.allFinite()) return std::nullopt;
     const Eigen::Vector3d c = -0.25 * x.head<3>();
     Eigen::Matrix3d form;
