@@ -30,9 +30,10 @@ json CameraModelsToJson(std::span<const CameraModelTrial> trials) {
                    {"to", trial.to},
                    {"cost_of_richer", trial.difference.mean},
                    {"standard_error", trial.difference.standard_error},
-                   {"cost_of_richer_carried", trial.carried.mean},
-                   {"standard_error_carried", trial.carried.standard_error},
                    {"taken", trial.taken}});
+    if (!(trial.carried.standard_error > 0.0)) continue;  // not measured
+    all.back()["cost_of_richer_carried"] = trial.carried.mean;
+    all.back()["standard_error_carried"] = trial.carried.standard_error;
   }
   return all;
 }
