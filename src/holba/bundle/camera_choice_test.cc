@@ -7,6 +7,7 @@
 #include "holba/bundle/bundle_testing.h"
 #include "holba/bundle/camera_model_choice.h"
 #include "holba/bundle/camera_sharing.h"
+#include "holba/bundle/intrinsics_choice.h"
 #include "holba/camera/convert_camera.h"
 
 namespace holba {
@@ -87,6 +88,7 @@ TEST(ChooseCameraModels, LensThatIsAsSaidStaysAndNothingMoves) {
   const auto trials = ChooseModels(&model);
   EXPECT_THAT(trials, SizeIs(1));  // OPENCV
   EXPECT_THAT(trials, Each(Field(&CameraModelTrial::taken, false)));
+  EXPECT_EQ(trials[0].carried.standard_error, 0.0);  // nothing to carry
   EXPECT_EQ(model.cameras.at(1).params, given.cameras.at(1).params);
   for (const auto& [id, point] : given.points3D) EXPECT_EQ(model.points3D.at(id).xyz, point.xyz);
 }
@@ -94,7 +96,10 @@ TEST(ChooseCameraModels, LensThatIsAsSaidStaysAndNothingMoves) {
 TEST(ChooseCameraModels, LensWithTangentialDistortionIsFound) {
   const std::vector<double> lens = {700, 704, 500, 480, -0.25, 0.08, 0.003, -0.002};
   Reconstruction model = SaidToBe("SIMPLE_RADIAL", Photographs("OPENCV", lens, false));
-  ChooseModels(&model);
+  const auto trials = ChooseModels(&model);
+  // Half of the images show the lens of the other half.
+  EXPECT_GT(trials[0].carried.standard_error, 0.0);
+  EXPECT_LT(trials[0].carried.mean, -kMinGainErrors * trials[0].carried.standard_error);
   const Camera& camera = model.cameras.at(1);
   EXPECT_EQ(camera.model->name, "OPENCV");
   EXPECT_EQ(model.FindInconsistency(), std::nullopt);
